@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .adopting import adopted as adopted
     from .checking import check as check
+    from .checking import validate as validate
     from .checksum import content_sha256 as content_sha256
     from .json_schema import json_schema as json_schema
     from .layouts import VERSION as VERSION
     from .reading import read as read
     from .scene import load_scene as load_scene
-    from .validation import validate as validate
     from .writing import write as write
 
 _HOME = {
@@ -24,7 +24,7 @@ _HOME = {
     "json_schema": "json_schema",
     "load_scene": "scene",
     "read": "reading",
-    "validate": "validation",
+    "validate": "checking",
     "write": "writing",
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from .errors import RecordError
 from .layouts import root_attributes
 from .reading import read
 from .upgrading import current
-from .variables import VARIABLES, attributes
+from .variables import attributes, rows_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+_WORDS = ("restoring", "reference", "acceleration_frame")
 
 
 def adopted(given: xr.DataTree | xr.Dataset | str | os.PathLike[str]) -> xr.DataTree:
@@ -61,22 +63,18 @@ def _laid_out(traces: xr.Dataset) -> xr.DataTree:
         pendulums = [str(label) for label in traces["pendulum"].values]
     if "combination" not in given:
         given["combination"] = xr.Variable(("trace", "pendulum"), [_combination(label, pendulums) for label in labels])
-    groups: dict[str, Any] = {}
+    coordinates = {"trace": labels, "pendulum": pendulums}
+    groups = {}
     for group in ("record", "instrument"):
-        known = {name: each for name, each in given.items() if f"{group}/{name}" in VARIABLES}
-        of = {
-            name: (each.dims, each.values, attributes(f"{group}/{name}") | each.attrs) for name, each in known.items()
-        }
+        known = {name: each for name, each in given.items() if name in rows_of(group)}
+        has_traces = group == "record" or any("trace" in each.dims for each in known.values())
+        of = {n: (each.dims, each.values, attributes(f"{group}/{n}") | each.attrs) for n, each in known.items()}
         of |= {
             name: ((name,), np.array(values, dtype=object), attributes(f"{group}/{name}"))
-            for name, values in (("trace", labels), ("pendulum", pendulums))
-            if group == "record" or name == "pendulum" or any("trace" in each.dims for each in known.values())
+            for name, values in coordinates.items()
+            if name == "pendulum" or has_traces
         }
-        words = {
-            name: traces.attrs[name]
-            for name in ("restoring", "reference", "acceleration_frame")
-            if name in traces.attrs
-        }
+        words = {name: traces.attrs[name] for name in _WORDS if name in traces.attrs}
         groups[f"/{group}"] = xr.Dataset(of, attrs=words)
     time = traces["time"]
     root = root_attributes("record", identifier(str(traces.attrs.get("record_id", "traces"))))

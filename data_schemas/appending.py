@@ -18,12 +18,13 @@ import numpy as np
 
 from .checksum import ATTRIBUTE
 from .contents import Contents, Entry, Group, key, shown, type_name
-from .encoding import LIBRARY, array, lay_out, node, write_attributes
+from .encoding import LIBRARY, lay_out, write_attributes
 from .errors import FileError
-from .reading import CHUNK_CACHE
+from .reading import CHUNK_CACHE, skim
 from .shield import shielded
-from .slabs import skim
 from .writing import beside, give_name, may_write, place_of, reason
+
+_ALONG = "time"  # the dimension that grows
 
 
 class Sink(io.FileIO):
@@ -86,16 +87,16 @@ class Sink(io.FileIO):
 
 
 class Appended:
-    """A file that grows along one dimension; a context manager, whose end without `publish` leaves nothing behind.
+    """A file that grows along time; a context manager, whose end without `publish` leaves nothing behind.
+
+    Variables without time are those of the first portion, attributes those of the last.
 
     Parameters
     ----------
     path : path
         Of the file to make; its folder must exist.
     length : int
-        Of the whole along `along`.
-    along : str
-        The dimension that grows. Variables without it are those of the first portion, attributes those of the last.
+        Number of samples of the whole.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -115,19 +116,18 @@ class Appended:
     ...     file.publish()
     """
 
-    def __init__(
-        self, path: str | os.PathLike[str], length: int, *, along: str = "time", overwrite: bool = False
-    ) -> None:
-        self._path, self._length, self._along, self._overwrite = path, length, along, overwrite
+    def __init__(self, path: str | os.PathLike[str], length: int, *, overwrite: bool = False) -> None:
+        self._path, self._length, self._overwrite = path, length, overwrite
         self._target = place_of(path)
         self._temporary = beside(self._target)
         self._sink: Sink | None = None
         self._file: h5py.File | None = None
+        self._arrays: dict[str, h5py.Dataset] = {}
         self._attrs: dict[str, dict[str, Any]] = {}
         self._done = 0
 
     def __enter__(self) -> Self:
-        with self._told():
+        with self._named():
             may_write(self._target, self._path, self._overwrite)
         return self
 
@@ -142,22 +142,22 @@ class Appended:
 
     def append(self, contents: Contents) -> None:
         """Write the next portion: of the same groups, variables and types as the first."""
-        with shielded(), self._told():
+        with shielded(), self._named():
             first = self._file is None
-            if self._file is None:
+            if first:
                 self._open("x+", "w")
-                lay_out(self._file, self._whole(contents))
-            begin, self._done = self._done, self._done + samples(contents, self._along)
+                self._arrays = lay_out(self._file, self._whole(contents))
+            begin, self._done = self._done, self._done + _samples(contents)
             for path, group in contents.items():
                 self._attrs[path] = group.attrs
                 for name, entry in group.variables.items():
-                    grows = self._along in entry.dims
+                    grows = _ALONG in entry.dims
                     if (first or grows) and entry.values.size:
-                        place = (..., slice(begin, self._done)) if grows else ...
                         text = type_name(entry.values) == "str"
                         stored = entry.values.astype(object) if text else entry.values
-                        array(self._file, path, name)[place] = stored
-            self._check()
+                        self._arrays[key(path, name)][(..., slice(begin, self._done)) if grows else ...] = stored
+            if self._sink is not None:
+                self._sink.check()
 
     def finish(self) -> None:
         """Bring the file to the disk and verify it, so that `publish` only gives it its name.
@@ -169,39 +169,29 @@ class Appended:
         """
         if self._file is None or self._done != self._length:
             raise ValueError(f"{self._done} of {self._length} samples were appended")
-        with shielded(), self._told():
+        with shielded(), self._named():
             for path, attrs in self._attrs.items():
                 attrs.pop(ATTRIBUTE, None)
-                write_attributes(node(self._file, path), attrs, path or "root")
+                write_attributes(self._file["/" + path], attrs, path or "root")
             self._close()
-        with self._told():
+        with self._named():
             digest = self._verified()
-        with shielded(), self._told():
-            self._open("r+", "r+")
-            self._file.attrs[ATTRIBUTE] = digest
+        with shielded(), self._named():
+            self._open("r+", "r+").attrs[ATTRIBUTE] = digest
             self._close(lasting=True)
 
     def publish(self) -> None:
         """Give the finished file its name, in one step."""
-        with self._told():
+        with self._named():
             give_name(self._temporary, self._target, self._path, self._overwrite)
 
-    def _open(self, mode: str, file_mode: str) -> None:
+    def _open(self, mode: str, file_mode: str) -> h5py.File:
         self._sink = Sink(self._temporary, mode)
         self._file = h5py.File(self._sink, file_mode, libver=LIBRARY, rdcc_nbytes=CHUNK_CACHE, track_order=True)
-
-    def _check(self) -> None:
-        if self._sink is not None:
-            self._sink.check()
+        return self._file
 
     def _close(self, *, lasting: bool = False) -> None:
-        """Close the file; if it is to be `lasting`, wait until it is on the disk.
-
-        Raises
-        ------
-        BaseException
-            Whatever went wrong since the last check.
-        """
+        """Close the file and raise what went wrong since the last check; a `lasting` one is brought to the disk."""
         file, sink, self._file, self._sink = self._file, self._sink, None, None
         if sink is None:
             return
@@ -214,34 +204,35 @@ class Appended:
 
     def _whole(self, first: Contents) -> Contents:
         """The content with its final shapes; values that grow take no memory."""
-        whole = {}
-        for path, group in first.items():
-            entries = {}
-            for name, entry in group.variables.items():
-                if self._along in entry.dims[:-1]:
-                    raise FileError(f"{key(path, name)}: grows along {self._along!r}; make that its last dimension")
-                shape = (*entry.values.shape[:-1], self._length) if self._along in entry.dims else entry.values.shape
-                entries[name] = Entry(entry.dims, np.broadcast_to(np.zeros((), entry.values.dtype), shape), entry.attrs)
-            whole[path] = Group({}, entries)
-        return whole
+
+        def entry(where: str, one: Entry) -> Entry:
+            if _ALONG in one.dims[:-1]:
+                raise FileError(f"{where}: grows along {_ALONG!r}; make that its last dimension")
+            shape = (*one.values.shape[:-1], self._length) if _ALONG in one.dims else one.values.shape
+            return Entry(one.dims, np.broadcast_to(np.zeros((), one.values.dtype), shape), one.attrs)
+
+        return {
+            path: Group({}, {name: entry(key(path, name), one) for name, one in group.variables.items()})
+            for path, group in first.items()
+        }
 
     def _verified(self) -> str:
         """The checksum of the file on the disk, every chunk compared with the checksum that it was written with."""
         try:
             return skim(self._temporary)[1]
         except FileError as error:
-            told = str(error).removeprefix(f"{shown(self._temporary, 400)}: ")
-            raise FileError(f"was not written, it would not read back: {told}") from error
+            fault = str(error).removeprefix(f"{shown(self._temporary, 400)}: ")
+            raise FileError(f"was not written, it would not read back: {fault}") from error
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
+    def _named(self) -> Iterator[None]:
         """Faults of the disk and of HDF5 in one line that names the file."""
         name = shown(self._path, 400)
         try:
             yield
         except FileError as error:
-            told = str(error)
-            raise error if told.startswith(f"{name}: ") else FileError(f"{name}: {told}") from None
+            fault = str(error)
+            raise error if fault.startswith(f"{name}: ") else FileError(f"{name}: {fault}") from None
         except Exception as error:
             # HDF5 stumbles over what the sink kept from it: then that is what went wrong
             cause = error if self._sink is None or self._sink.fault is None else self._sink.fault
@@ -250,7 +241,9 @@ class Appended:
             raise cause from None
 
 
-def samples(contents: Contents, along: str) -> int:
-    """Length of a content along a dimension of the root's variables."""
-    lengths = (one.values.shape[one.dims.index(along)] for one in contents[""].variables.values() if along in one.dims)
+def _samples(contents: Contents) -> int:
+    """Length of a content along time, of the root's variables."""
+    lengths = (
+        one.values.shape[one.dims.index(_ALONG)] for one in contents[""].variables.values() if _ALONG in one.dims
+    )
     return int(next(lengths))

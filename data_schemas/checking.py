@@ -1,18 +1,22 @@
-"""Checks a content against the layout of its kind and names every fault at once."""
+"""Checks a content, or a whole file, against the layout of its kind and names every fault at once."""
 
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .checking_record import record_faults, result_faults
 from .contents import IDENTIFIER, Contents, Entry, from_tree, key, shown, type_name
-from .errors import FileError
+from .errors import FileError, RecordError, SceneError
 from .layouts import LAYOUTS, Kind
+from .reading import load
 from .variable import same_unit
-from .variables import VARIABLES, Variable
+from .variables import VARIABLES, Variable, rows_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,10 +42,64 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
         return [str(error)]
 
 
+def validate(path: str | os.PathLike[str]) -> list[str]:
+    """Every fault of a file at once, one line each; an empty list for a good one. Bad content never raises.
+
+    Parameters
+    ----------
+    path : path
+        A record, truth or result; or, told by its suffix ``.toml``, a scene, the description of a film or edits of one.
+
+    Returns
+    -------
+    list of str
+        ``path: group/name: what is wrong; what to do``.
+    """
+    try:
+        if Path(path).suffix == ".toml":
+            _load_toml(path)
+            return []
+        contents = load(path)
+    except (SceneError, RecordError, FileError) as error:
+        return [str(error)]
+    kind, found = _kind(contents)
+    found += [] if kind is None else faults(contents, kind)
+    return [f"{shown(path, 400)}: {fault}" for fault in dict.fromkeys(found)]
+
+
+def _load_toml(path: str | os.PathLike[str]) -> None:
+    """Read a TOML file as what its key `kind` says; a scene has none."""
+    from . import film_description, film_edits
+    from .scene import load_scene
+    from .text_files import load_toml
+
+    match load_toml(path, "a scene", SceneError).get("kind"):
+        case film_description.KIND:
+            film_description.load_description(path)
+        case film_edits.KIND:
+            film_edits.load_edits(path)
+        case _:
+            load_scene(path)
+
+
+def _kind(contents: Contents) -> tuple[Kind | None, list[str]]:
+    """What the file says it is, or failing that looks like, with the fault of not saying it well."""
+    schema = contents[""].attrs.get("schema")
+    for kind, layout in LAYOUTS.items():
+        if isinstance(schema, str) and schema == layout.schema:
+            return kind, []
+    for kind, layout in LAYOUTS.items():
+        if not layout.groups.keys().isdisjoint(contents):
+            return kind, []  # the check of this kind says what is wrong with the attribute
+    known = ", ".join(layout.schema for layout in LAYOUTS.values())
+    stated = "is missing at the root" if schema is None else f"is {shown(repr(schema))}"
+    return None, [f"attribute schema: {stated} and no group is known; set it to one of {known}"]
+
+
 def faults(contents: Contents, schema: Kind) -> list[str]:
     """Every fault of a plain content; `check` and `validate` share it."""
     layout = LAYOUTS[schema]
-    found = _attribute_faults(contents[""].attrs, schema)
+    found = [*_attribute_faults(contents[""].attrs, schema)]
     for path, required in layout.groups.items():
         if path in contents:
             found += _missing_variables(contents, path, path)
@@ -65,38 +123,33 @@ def faults(contents: Contents, schema: Kind) -> list[str]:
     return found
 
 
-def _attribute_faults(attrs: dict[str, Any], schema: Kind) -> list[str]:
-    layout, found = LAYOUTS[schema], []
+def _attribute_faults(attrs: dict[str, Any], schema: Kind) -> Iterator[str]:
+    layout = LAYOUTS[schema]
     for name, required in layout.attrs.items():
         if name not in attrs and required:
-            found.append(f"attribute {name}: is missing at the root; add it")
+            yield f"attribute {name}: is missing at the root; add it"
     own = attrs.get("record_id")
     if own is not None and not (isinstance(own, str) and IDENTIFIER.fullmatch(own)):
-        found.append(f"attribute record_id: {shown(repr(own))} is no identifier; give 1 to 64 of A-Z a-z 0-9 . _ + -")
+        yield f"attribute record_id: {shown(repr(own))} is no identifier; give 1 to 64 of A-Z a-z 0-9 . _ + -"
     for name, wanted, remedy in (
-        ("schema", layout.schema, f"set it to {layout.schema!r} if this is a {schema}"),
-        ("schema_version", layout.version, f"set it to {layout.version!r}, or use a newer isochrony"),
+        ("schema", layout.schema, f" if this is a {schema}"),
+        ("schema_version", layout.version, ", or use a newer isochrony"),
     ):
         given = attrs.get(name, wanted)
         if not isinstance(given, str) or given != wanted:
-            found.append(f"attribute {name}: is {shown(repr(given))}, not {wanted!r}; {remedy}")
+            yield f"attribute {name}: is {shown(repr(given))}, not {wanted!r}; set it to {wanted!r}{remedy}"
     for name in layout.json_attrs:
-        if name in attrs:
-            try:
-                json.loads(attrs[name])
-            except (TypeError, ValueError):
-                found.append(f"attribute {name}: is not JSON; store the text of a JSON object")
-    return found
+        try:
+            json.loads(attrs.get(name, "{}"))
+        except (TypeError, ValueError):
+            yield f"attribute {name}: is not JSON; store the text of a JSON object"
 
 
-def _missing_variables(contents: Contents, path: str, table: str) -> list[str]:
-    there = contents[path].variables
-    wanted = {name.rpartition("/")[2]: row for name, row in VARIABLES.items() if name.rpartition("/")[0] == table}
-    return [
-        f"{key(path, name)}: the variable is missing; add it with dimensions ({', '.join(row.dims)}) in {row.units}"
-        for name, row in wanted.items()
-        if row.required and name not in there
-    ]
+def _missing_variables(contents: Contents, path: str, table: str) -> Iterator[str]:
+    for name, row in rows_of(table).items():
+        if row.required and name not in contents[path].variables:
+            dims = ", ".join(row.dims)
+            yield f"{key(path, name)}: the variable is missing; add it with dimensions ({dims}) in {row.units}"
 
 
 def _sizes(contents: Contents, found: list[str]) -> dict[tuple[str, str], int]:
@@ -105,8 +158,7 @@ def _sizes(contents: Contents, found: list[str]) -> dict[tuple[str, str], int]:
     for path in sorted(contents):
         for name, entry in contents[path].variables.items():
             for dim, length in zip(entry.dims, entry.values.shape, strict=True):
-                known = sizes.get((path, dim), sizes.get(("", dim), length))
-                sizes.setdefault((path, dim), known)
+                known = sizes.setdefault((path, dim), sizes.get(("", dim), length))
                 if length != known:
                     found.append(
                         f"{key(path, name)}: has {length} values along {shown(dim)} where others have {known}; "
@@ -115,70 +167,56 @@ def _sizes(contents: Contents, found: list[str]) -> dict[tuple[str, str], int]:
     return sizes
 
 
-def _variable_faults(where: str, entry: Entry, schema: Kind) -> list[str]:
+def _variable_faults(where: str, entry: Entry, schema: Kind) -> Iterator[str]:
     row = VARIABLES.get(where if "/" in where else key(LAYOUTS[schema].root, where))
     if row is None:
-        return [] if schema != "result" else _extra_faults(where, entry)
-    found = []
+        if schema == "result":
+            missing = (name for name in ("units", "long_name") if name not in entry.attrs)
+            yield from (f"{shown(where)}: is not in the table and has no {name}; add it" for name in missing)
+        return
     if entry.dims not in (row.dims, *row.also):
         wanted = " or ".join(f"({', '.join(dims)})" for dims in (row.dims, *row.also))
-        found.append(f"{where}: has dimensions ({shown(', '.join(entry.dims))}); give it {wanted}")
+        yield f"{where}: has dimensions ({shown(', '.join(entry.dims))}); give it {wanted}"
     units = entry.attrs.get("units", "1" if row.units == "1" else None)
     if units is None:
-        found.append(f"{where}: has no units; set its attribute units to {row.units!r}")
+        yield f"{where}: has no units; set its attribute units to {row.units!r}"
     elif not same_unit(units, row.units):
-        found.append(f"{where}: has units {shown(repr(units))}; convert it to {row.units!r}")
+        yield f"{where}: has units {shown(repr(units))}; convert it to {row.units!r}"
     if type_name(entry.values) != row.dtype:
-        found.append(f"{where}: has type {type_name(entry.values)}; store it as {row.dtype}")
-    else:
-        found += _flag_faults(where, entry, row) + _value_faults(where, entry, row)
-    return found
-
-
-def _extra_faults(where: str, entry: Entry) -> list[str]:
-    missing = [name for name in ("units", "long_name") if name not in entry.attrs]
-    return [f"{shown(where)}: is not in the table and has no {name}; add it" for name in missing]
-
-
-def _flag_faults(where: str, entry: Entry, row: Variable) -> list[str]:
-    found = []
+        yield f"{where}: has type {type_name(entry.values)}; store it as {row.dtype}"
+        return
     for name in ("flag_masks", "flag_meanings"):
         if name in row.attrs and name in entry.attrs and not np.array_equal(row.attrs[name], entry.attrs[name]):
             wanted = " ".join(str(one) for one in np.atleast_1d(row.attrs[name]))
-            found.append(f"{where}, attribute {name}: differs from the table; set it to {wanted}")
-    return found
+            yield f"{where}, attribute {name}: differs from the table; set it to {wanted}"
+    if row.dtype == "f8" and entry.values.size and where != "time":
+        yield from _value_faults(where, entry, row)
 
 
-def _value_faults(where: str, entry: Entry, row: Variable) -> list[str]:
-    if row.dtype != "f8" or not entry.values.size or where == "time":
-        return []
-    values, found = entry.values, []
-    lowest, highest = np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)
-    if not row.missing and np.isnan(values).any():
-        found.append(f"{where}: holds NaN; give every value, or leave the variable out")
+def _value_faults(where: str, entry: Entry, row: Variable) -> Iterator[str]:
+    lowest, highest = np.fmin.reduce(entry.values, axis=None), np.fmax.reduce(entry.values, axis=None)
+    if not row.missing and np.isnan(entry.values).any():
+        yield f"{where}: holds NaN; give every value, or leave the variable out"
     if np.isinf(lowest) or np.isinf(highest):
         remedy = "mark missing values as NaN" if row.missing else "give finite values"
-        found.append(f"{where}: holds infinite values; {remedy}")
+        yield f"{where}: holds infinite values; {remedy}"
     if (row.limit == "positive" and lowest <= 0) or (row.limit == "not negative" and lowest < 0):
         wanted = "greater than zero" if row.limit == "positive" else "zero or more"
-        found.append(f"{where}: holds {lowest:g}; give values {wanted}")
-    return found
+        yield f"{where}: holds {lowest:g}; give values {wanted}"
 
 
-def _time_faults(contents: Contents) -> list[str]:
+def _time_faults(contents: Contents) -> Iterator[str]:
     time = contents[""].variables.get("time")
     if time is None or time.dims != ("time",) or type_name(time.values) != "f8":
-        return []
+        return
     values = time.values
     if values.size < 2:
-        return [f"time: holds {values.size} sample{'s' * (values.size != 1)}; a record needs 2 or more"]
-    if not np.isfinite(values).all():
-        return ["time: holds NaN or infinite values; give every sample its time in seconds"]
-    falls = np.flatnonzero(values[1:] <= values[:-1]) + 1
-    if falls.size:
+        yield f"time: holds {values.size} sample{'s' * (values.size != 1)}; a record needs 2 or more"
+    elif not np.isfinite(values).all():
+        yield "time: holds NaN or infinite values; give every sample its time in seconds"
+    elif (falls := np.flatnonzero(values[1:] <= values[:-1]) + 1).size:
         at = falls[0]
-        return [
+        yield (
             f"time: does not increase at sample {at} ({values[at - 1]:g} s, then {values[at]:g} s; {falls.size} such "
             f"places); sort the samples and drop repeated ones"
-        ]
-    return []
+        )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contents import Contents, Entry, key, shown, type_name
-from .variables import VARIABLES
+from .variables import rows_of
 
 ABSURD = (
     ("", "time", 0.0, 1e12, "s"),
@@ -21,16 +22,44 @@ ABSURD = (
     ("instrument", "reference_gravity", 1e-6, 1e8, "m s-2"),
     ("instrument", "damping_rate", 0.0, 1e4, "s-1"),
 )
-"""Group, name, least and largest size, unit."""
+"""Group, name, least and largest size, unit: arithmetic on others would end in infinities, or exhaust the memory."""
 MOST_LABEL = 64
 MOST_TRACES = 500
-MOST_SPAN = 20.0  # times the time that the readings take
+MOST_SPAN = 20.0  # times the time that the samples take
 WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
     ("instrument", "acceleration_frame"): ("earth", "case"),
     ("record", "reference"): ("vertical", "case"),
 }
 """What an attribute of a group may say, the default first."""
+
+
+def _entry(contents: Contents, path: str, name: str, dims: tuple[str, ...] = (), dtype: str = "") -> Entry | None:
+    """A variable, if it is there; of some dimensions and type, whose faults are reported elsewhere otherwise."""
+    entry = contents[path].variables.get(name) if path in contents else None
+    if entry is None or (dtype and (entry.dims != dims or type_name(entry.values) != dtype)):
+        return None
+    return entry
+
+
+def _labels(contents: Contents, path: str, name: str) -> list[str] | None:
+    entry = _entry(contents, path, name, (name,), "str")
+    return None if entry is None else entry.values.tolist()
+
+
+def result_faults(contents: Contents) -> Iterator[str]:
+    """Faults of a result beyond the table's: labels that appear twice."""
+    for path, name in (
+        ("phases", "component"),
+        ("correction", "estimator"),
+        ("gravity", "estimator"),
+        ("gravity", "entry"),
+        ("synchrony", "clock"),
+        ("synchrony", "pair"),
+    ):
+        labels = _labels(contents, path, name) or []
+        if len(set(labels)) < len(labels):
+            yield f"{path}/{name}: a label appears twice; give each its own"
 
 
 @np.errstate(all="ignore")
@@ -44,76 +73,36 @@ def record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list
     """
     if "record" not in contents:
         return []
-    record = contents["record"].variables
-    found = _label_faults(contents) + _absurd_values(contents)
-    combination = _numbers(record.get("combination"), ("trace", "pendulum"))
-    if combination is not None:
-        found += _combination_faults(combination, record.get("trace"))
-    elongation = _numbers(record.get("elongation"), ("trace", "time"))
-    if elongation is not None:
-        found += _empty_traces(elongation, record.get("trace"))
-    if sizes.get(("record", "trace"), 1) > 1:
-        found += _needed_for_gravity(contents)
-    found += _unknown_constants(contents)
-    for (path, name), words in WORDS.items():
-        word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
-        if not isinstance(word, str) or word not in words:
-            found.append(f"{path}, attribute {name}: is {shown(repr(word))}; give '{words[0]}' or '{words[1]}'")
-    return found
+    trace = _entry(contents, "record", "trace")
+    combination = _entry(contents, "record", "combination", ("trace", "pendulum"), "f8")
+    elongation = _entry(contents, "record", "elongation", ("trace", "time"), "f8")
+    return [
+        *_label_faults(contents),
+        *_absurd_values(contents),
+        *([] if combination is None else _combination_faults(combination.values, trace)),
+        *([] if elongation is None else _empty_traces(elongation.values, trace)),
+        *(_needed_for_gravity(contents) if sizes.get(("record", "trace"), 1) > 1 else []),
+        *_unknown_constants(contents),
+        *_word_faults(contents),
+    ]
 
 
-def result_faults(contents: Contents) -> list[str]:
-    """Faults of a result beyond the table's: labels that appear twice."""
-    found = []
-    for path, name in (
-        ("phases", "component"),
-        ("correction", "estimator"),
-        ("gravity", "estimator"),
-        ("gravity", "entry"),
-        ("synchrony", "clock"),
-        ("synchrony", "pair"),
-    ):
-        labels = _labels(contents, path, name)
-        if labels is not None and len(set(labels)) < len(labels):
-            found.append(f"{path}/{name}: a label appears twice; give each its own")
-    return found
-
-
-def _numbers(entry: Entry | None, dims: tuple[str, ...]) -> NDArray[Any] | None:
-    """Values of a variable that is what it should be; its faults are told elsewhere otherwise."""
-    if entry is None or entry.dims != dims or type_name(entry.values) != "f8":
-        return None
-    return entry.values
-
-
-def _labels(contents: Contents, path: str, name: str) -> list[str] | None:
-    entry = contents[path].variables.get(name) if path in contents else None
-    if entry is None or entry.dims != (name,) or type_name(entry.values) != "str":
-        return None
-    labels: list[str] = entry.values.tolist()
-    return labels
-
-
-def _label_faults(contents: Contents) -> list[str]:
-    found = []
+def _label_faults(contents: Contents) -> Iterator[str]:
     for path, name in (("record", "trace"), ("record", "pendulum"), ("instrument", "pendulum")):
         labels = _labels(contents, path, name)
         if labels is None:
             continue
         if not labels:
-            found.append(f"{path}/{name}: holds no label; give at least one {name}")
+            yield f"{path}/{name}: holds no label; give at least one {name}"
         if len(set(labels)) < len(labels):
-            found.append(f"{path}/{name}: a label appears twice; give each {name} its own")
+            yield f"{path}/{name}: a label appears twice; give each {name} its own"
         wrong = [shown(repr(each)) for each in labels if not each.isprintable() or not 0 < len(each) <= MOST_LABEL]
-        found += [f"{path}/{name}: {each} is no label; give 1 to {MOST_LABEL} printable letters" for each in wrong]
+        yield from (f"{path}/{name}: {each} is no label; give 1 to {MOST_LABEL} printable letters" for each in wrong)
     recorded, described = _labels(contents, "record", "pendulum"), _labels(contents, "instrument", "pendulum")
     if recorded is not None and described is not None:
-        absent = [shown(label) for label in recorded if label not in described]
+        absent = ", ".join(shown(label) for label in recorded if label not in described)
         if absent:
-            found.append(
-                f"instrument/pendulum: lacks {', '.join(absent)} of record/pendulum; use the same labels in both"
-            )
-    return found
+            yield f"instrument/pendulum: lacks {absent} of record/pendulum; use the same labels in both"
 
 
 def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[str]:
@@ -121,17 +110,14 @@ def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[
         return []  # the table's check says so
     if max(combination.shape) > MOST_TRACES:
         return [f"record/combination: more than {MOST_TRACES} traces or pendulums; split the record"]
-    found = [
-        f"record/combination: the row of trace {_label(trace, row)} is all zero; say which pendulums it records"
-        for row in np.flatnonzero(~combination.any(axis=1)).tolist()
+    zero = np.flatnonzero(~combination.any(axis=1)).tolist()
+    if zero or min(combination.shape) < 2 or _gives_difference(combination):
+        told = "is all zero; say which pendulums it records"
+        return [f"record/combination: the row of trace {_label(trace, row)} {told}" for row in zero]
+    return [
+        "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
+        "its difference with another, or both, or give a single trace"
     ]
-    traces, pendulums = combination.shape
-    if traces > 1 and pendulums > 1 and not found and not _gives_difference(combination):
-        found.append(
-            "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
-            "its difference with another, or both, or give a single trace"
-        )
-    return found
 
 
 def _gives_difference(combination: NDArray[Any]) -> bool:
@@ -146,9 +132,7 @@ def _gives_difference(combination: NDArray[Any]) -> bool:
 
 
 def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
-    if not elongation.shape[1]:
-        return []
-    empty = np.flatnonzero(np.isnan(elongation).all(axis=1)).tolist()
+    empty = np.flatnonzero(np.isnan(elongation).all(axis=1)).tolist() if elongation.shape[1] else []
     return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
 
 
@@ -158,49 +142,44 @@ def _label(trace: Entry | None, row: int) -> str:
     return f"number {row + 1}"
 
 
-def _absurd_values(contents: Contents) -> list[str]:
-    """Numbers that no pendulum has: arithmetic would end in infinities, or in more memory than there is."""
-    found = []
+def _absurd_values(contents: Contents) -> Iterator[str]:
+    """Numbers that no pendulum has."""
     for path, name, least, most, unit in ABSURD:
-        entry = contents[path].variables.get(name) if path in contents else None
+        entry = _entry(contents, path, name)
         if entry is None or entry.values.dtype.kind != "f":
             continue
         size = np.abs(entry.values[np.isfinite(entry.values)], dtype=np.float64)
-        if not size.size:
-            continue
-        low, high = float(size.min()), float(size.max())
-        if high > most or low < least:
-            told = high if high > most else low
-            found.append(
-                f"{key(path, name)}: {told:.3g} is no value in {unit}; correct it, its scale_factor or its unit"
-            )
-    time = contents[""].variables.get("time")
-    if time is not None and time.dims == ("time",) and time.values.dtype.kind == "f" and time.values.size > 2:
+        low, high = float(size.min(initial=np.inf)), float(size.max(initial=0.0))
+        if size.size and (high > most or low < least):
+            odd = high if high > most else low
+            yield f"{key(path, name)}: {odd:.3g} is no value in {unit}; correct it, its scale_factor or its unit"
+    time = _entry(contents, "", "time", ("time",), "f8")
+    if time is not None and time.values.size > 2:
         step, span = float(np.median(np.diff(time.values))), float(time.values[-1] - time.values[0])
         if span > MOST_SPAN * step * time.values.size:
-            found.append(
+            yield (
                 f"time: {time.values.size} readings {step:.3g} s apart, as a rule, reach over {span:.3g} s; split the "
                 "record at its gaps"
             )
-    return found
 
 
-def _unknown_constants(contents: Contents) -> list[str]:
-    known = [name.partition("/")[2] for name in VARIABLES if name.startswith("instrument/")]
-    names = contents["instrument"].variables if "instrument" in contents else {}
-    return [
-        f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
-        for name in names
-        if name not in known
-        for near in difflib.get_close_matches(name, known, n=1, cutoff=0.0)
-    ]
+def _unknown_constants(contents: Contents) -> Iterator[str]:
+    known = rows_of("instrument")
+    for name in contents["instrument"].variables if "instrument" in contents else {}:
+        if name not in known:
+            (near,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            yield f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
 
 
-def _needed_for_gravity(contents: Contents) -> list[str]:
-    known = contents["instrument"].variables if "instrument" in contents else {}
+def _needed_for_gravity(contents: Contents) -> Iterator[str]:
     wanted = {"period": "the full period of each pendulum in s", "reference_gravity": "the gravity at which it holds"}
-    return [
-        f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
-        for name, meaning in wanted.items()
-        if name not in known
-    ]
+    for name, meaning in wanted.items():
+        if _entry(contents, "instrument", name) is None:
+            yield f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
+
+
+def _word_faults(contents: Contents) -> Iterator[str]:
+    for (path, name), words in WORDS.items():
+        word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
+        if not isinstance(word, str) or word not in words:
+            yield f"{path}, attribute {name}: is {shown(repr(word))}; give '{words[0]}' or '{words[1]}'"

@@ -1,23 +1,19 @@
 """The checksum of a content: one SHA-256 over every name, dimension, type, value and attribute.
 
-Definition (``content_sha256``, version 1). The digest is SHA-256 over a sequence of *items*. An item is its
-length in bytes as an unsigned 64-bit little-endian integer, then the bytes; text is UTF-8. In this order:
+Definition (``content_sha256``, version 1). The digest is SHA-256 over a sequence of *items*. An item is its length in
+bytes as an unsigned 64-bit little-endian integer, then the bytes; text is UTF-8. In this order:
 
-1. the text ``isochrony content 1``; 2. for each group, sorted by path (the root is the empty path; no leading
-slash): the text ``group``, the path, the
+1. the text ``isochrony content 1``;
+2. for each group, sorted by path (the root is the empty path; no leading slash): the text ``group``, the path, the
    group's attributes, then its variables;
-3. for each variable, sorted by name: the text ``variable``, the name, the number of dimensions as text, then
-for each
-   its name and its length as text; the type (``f8``, ``u2``, ..., ``str``); the values; the variable's
-   attributes;
-4. for each attribute, sorted by name: the text ``attribute``, the name, the type, the number of elements as
-text, the
+3. for each variable, sorted by name: the text ``variable``, the name, the number of dimensions as text, then for each
+   its name and its length as text; the type (``f8``, ``u2``, ..., ``str``); the values; the variable's attributes;
+4. for each attribute, sorted by name: the text ``attribute``, the name, the type, the number of elements as text, the
    values. The root's attribute ``content_sha256`` itself is left out.
 
-Values are one item for numbers (all elements, last dimension fastest, little-endian, the bits as they are:
--0.0 and the payload of a NaN count) and one item an element for text. Sorting is by UTF-8 bytes. Nothing of
-HDF5 enters: chunks, filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping attributes
-do not change the digest.
+Values are one item for numbers (all elements, last dimension fastest, little-endian, the bits as they are: -0.0 and
+the payload of a NaN count) and one item an element for text. Sorting is by UTF-8 bytes. Nothing of HDF5 enters: chunks,
+filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping attributes do not change the digest.
 """
 
 from __future__ import annotations
@@ -51,16 +47,13 @@ class _Sum:
             data = one.encode()
             self._hash.update(len(data).to_bytes(8, "little") + data)
 
-    def values(self, values: NDArray[Any]) -> None:
+    def values(self, values: NDArray[Any], blocks: Iterable[NDArray[Any]] | None = None) -> None:
+        """An item an element of text; of numbers one item, whose bytes may come in blocks."""
         if type_name(values) == "str":
             self.text(*values.ravel().tolist())
-        else:
-            self.numbers(values.nbytes, [values])
-
-    def numbers(self, size: int, blocks: Iterable[NDArray[Any]]) -> None:
-        """One item of `size` bytes from blocks of numbers, in order."""
-        self._hash.update(size.to_bytes(8, "little"))
-        for block in blocks:
+            return
+        self._hash.update(values.nbytes.to_bytes(8, "little"))
+        for block in (values,) if blocks is None else blocks:
             little = np.ascontiguousarray(block, dtype=block.dtype.newbyteorder("<"))
             self._hash.update(little.reshape(-1).view(np.uint8).data)
 
@@ -75,10 +68,7 @@ class _Sum:
         for dim, size in zip(entry.dims, entry.values.shape, strict=True):
             self.text(dim, str(size))
         self.text(type_name(entry.values))
-        if blocks is None:
-            self.values(entry.values)
-        else:
-            self.numbers(entry.values.nbytes, blocks)
+        self.values(entry.values, blocks)
         self.attributes(entry.attrs)
 
     def hexdigest(self) -> str:
@@ -107,18 +97,15 @@ def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = Ma
 
 def numbers_sha256(tree: xr.DataTree) -> str:
     """The checksum of a tree's numbers alone, but for the times that were taken: the same where a run is repeated."""
-    contents = {
-        path: Group(
-            {},
-            {
-                name: Entry(entry.dims, entry.values)
-                for name, entry in group.variables.items()
-                if name != "elapsed" and type_name(entry.values) != "str"
-            },
-        )
+
+    def counts(name: str, entry: Entry) -> bool:
+        return name != "elapsed" and type_name(entry.values) != "str"
+
+    plain = {
+        path: {name: Entry(one.dims, one.values) for name, one in group.variables.items() if counts(name, one)}
         for path, group in from_tree(tree).items()
     }
-    return digest(contents)
+    return digest({path: Group({}, variables) for path, variables in plain.items()})
 
 
 def content_sha256(tree: xr.DataTree) -> str:

@@ -81,13 +81,7 @@ def type_name(values: NDArray[Any]) -> str:
 
 
 def storable_text(text: str, where: str) -> str:
-    """The text itself, if a file can hold it: no NUL, no lone surrogate.
-
-    Raises
-    ------
-    FileError
-        It cannot.
-    """
+    """The text itself, if a file can hold it: no NUL, no lone surrogate; otherwise `FileError`."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -107,17 +101,13 @@ def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
         remedy.
     """
     kind = values.dtype.kind
-    if kind in "OT":
+    if kind in "OTU":
         flat = values.ravel().tolist()
         if not all(isinstance(one, str) for one in flat):
             raise FileError(f"{where}: holds objects that are neither numbers nor text; store numbers or str")
         for one in flat:
             storable_text(one, where)
-        return np.array(flat, dtype=np.str_).reshape(values.shape)
-    if kind == "U":
-        for one in values.ravel().tolist():
-            storable_text(one, where)
-        return values
+        return values if kind == "U" else np.array(flat, dtype=np.str_).reshape(values.shape)
     if kind in _INSTEAD or values.dtype.str[1:] not in NUMBERS:
         remedy = _INSTEAD.get(kind, "store one of " + ", ".join(sorted(NUMBERS)))
         raise FileError(f"{where}: type {values.dtype} cannot be stored; {remedy}")
@@ -146,11 +136,18 @@ def plain_attribute(value: object, where: str) -> Any:
     if array.dtype.kind == "U":
         texts: list[str] = array.ravel().tolist()
         return texts[0] if array.size == 1 else texts
-    if array.size > 1:
-        return array
-    # int and float for the two types Python has; other types keep theirs, the checksum covers it
-    number = array.ravel()[0]
-    return number.item() if type_name(array) in ("i8", "f8") else number
+    return as_attribute(array)
+
+
+def as_attribute(numbers: NDArray[Any]) -> Any:
+    """Numbers of an attribute: a single one as such, int and float for the two types Python has.
+
+    Other types keep theirs: the checksum covers it.
+    """
+    if numbers.size != 1:
+        return numbers
+    number = numbers.ravel()[0]
+    return number.item() if type_name(numbers) in ("i8", "f8") else number
 
 
 def from_tree(tree: xr.DataTree) -> Contents:
@@ -165,17 +162,14 @@ def from_tree(tree: xr.DataTree) -> Contents:
     for node in tree.subtree:
         path = "" if node is tree else node.relative_to(tree)
         own = node.to_dataset(inherit=False)
-        variables = {
-            str(name): Entry(
-                tuple(str(dim) for dim in one.dims),
-                plain_values(values, key(path, str(name))),
-                _plain_attrs(attrs, key(path, str(name))),
-            )
-            for name, one in own.variables.items()
-            for values, attrs in [_dates_in_seconds(one)]
-        }
+        variables = {str(name): _entry(one, key(path, str(name))) for name, one in own.variables.items()}
         contents[path] = Group(_plain_attrs(own.attrs, path or "root"), variables)
     return contents
+
+
+def _entry(one: xr.Variable, where: str) -> Entry:
+    values, attrs = _dates_in_seconds(one)
+    return Entry(tuple(str(dim) for dim in one.dims), plain_values(values, where), _plain_attrs(attrs, where))
 
 
 def _dates_in_seconds(one: xr.Variable) -> tuple[NDArray[Any], Mapping[Any, Any]]:

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from .contents import Contents, Entry, Group, key, shown, type_name
 from .errors import FileError
-from .guard import BOOKKEEPING, survey
-from .guard_types import Budget
+from .guard import BOOKKEEPING, Budget, survey
 from .upgrading import PACKING
 
 CHUNK = 1 << 16  # elements: half a MiB of float64, a fraction of a second of record to lose to one damaged byte
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."  # as all programs write it
 NOT_COORDINATE = "_nc4_non_coord_"
 LIBRARY = ("v110", "v110")  # the first format whose metadata carry checksums, and no later one than readers know
+_TEXT = np.empty((), dtype=h5py.string_dtype())
+_TEXTS, _SCALAR = h5t.py_create(_TEXT.dtype, logical=True), h5s.create(h5s.SCALAR)
 
 
 def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -50,10 +51,10 @@ def encoded(contents: Contents) -> memoryview:
     with h5py.File("memory", "w", driver="core", backing_store=False, libver=LIBRARY, track_order=True) as file:
         arrays = lay_out(file, contents)
         for path, group in contents.items():
-            write_attributes(node(file, path), group.attrs, path or "root")
+            write_attributes(file["/" + path], group.attrs, path or "root")
             for name, entry in group.variables.items():
                 if entry.values.size:
-                    put(arrays[key(path, name)], entry.values, key(path, name))
+                    _put(arrays[key(path, name)], entry.values, key(path, name))
         file.flush()
         image = memoryview(file.id.get_file_image())
         try:
@@ -63,14 +64,8 @@ def encoded(contents: Contents) -> memoryview:
         return image
 
 
-def put(array: h5py.Dataset, values: NDArray[Any], where: str) -> None:
-    """Write all values of an array, and read them back.
-
-    Raises
-    ------
-    FileError
-        Other values come back.
-    """
+def _put(array: h5py.Dataset, values: NDArray[Any], where: str) -> None:
+    """Write all values of an array, and read them back."""
     if type_name(values) == "str":
         array[...] = values.astype(object)
         same = array.asstr()[...].tolist() == values.tolist()
@@ -101,51 +96,33 @@ def lay_out(file: h5py.File, contents: Contents) -> dict[str, h5py.Dataset]:
     number = 0
     for path in sorted(contents, key=lambda one: (one.count("/"), one)):
         made = file.create_group("/" + path, track_order=True) if path else file
-        known = dict(scales[path.rpartition("/")[0]]) if path else {}
-        scales[path] = known
+        scales[path] = known = dict(scales[path.rpartition("/")[0]]) if path else {}
         variables = contents[path].variables
         for dim, length in _lengths(contents[path], path).items():
             if dim in known and known[dim].shape == (length,):
                 continue
             if dim in variables and variables[dim].dims == (dim,):
-                known[dim] = _variable(made, dim, variables[dim])
+                known[dim] = arrays[key(path, dim)] = _variable(made, dim, variables[dim])
                 known[dim].make_scale(dim)
             else:
-                size = length or None
-                known[dim] = made.create_dataset(
-                    dim, (length,), ">f4", maxshape=(size,), chunks=(1,) if not length else None
-                )
+                chunks = (1,) if not length else None
+                known[dim] = made.create_dataset(dim, (length,), ">f4", maxshape=(length or None,), chunks=chunks)
                 known[dim].make_scale(f"{PLACEHOLDER}{length:10d}")
             known[dim].attrs.create("_Netcdf4Dimid", number, dtype=np.int32)
             number += 1
         for name, entry in variables.items():
             where = key(path, name)
             _usable(name, where)
-            own = known.get(name) if entry.dims == (name,) else None
-            held = own if own is not None and own.name == f"{made.name.rstrip('/')}/{name}" else None
-            stored = held if held is not None else _variable(made, _stored_name(name, known), entry)
-            write_attributes(stored, entry.attrs, where)
-            if held is None:
+            if where not in arrays:
+                # what is called as a dimension, and is not its coordinate, has another name
+                stored = _variable(made, f"{NOT_COORDINATE}{name}" if name in known else name, entry)
+                write_attributes(stored, entry.attrs, where)
                 for axis, dim in enumerate(entry.dims):
                     h5ds.attach_scale(stored.id, known[dim].id, axis)
-            arrays[where] = stored
+                arrays[where] = stored
+            else:
+                write_attributes(arrays[where], entry.attrs, where)
     return arrays
-
-
-def node(file: h5py.File, path: str) -> Any:
-    """A group of an open file by its path; the root for the empty one."""
-    return file[path] if path else file
-
-
-def array(file: h5py.File, path: str, name: str) -> h5py.Dataset:
-    """The array of a variable."""
-    group = node(file, path)
-    return group[f"{NOT_COORDINATE}{name}"] if f"{NOT_COORDINATE}{name}" in group else group[name]
-
-
-def _stored_name(name: str, dimensions: Mapping[str, h5py.Dataset]) -> str:
-    """Name of an array; one that is called as a dimension, and is not its coordinate, has another."""
-    return f"{NOT_COORDINATE}{name}" if name in dimensions else name
 
 
 def _lengths(group: Group, path: str) -> dict[str, int]:
@@ -168,18 +145,8 @@ def _variable(group: Any, name: str, entry: Entry) -> h5py.Dataset:
     return group.create_dataset(name, shape, **made)
 
 
-_TEXT = np.empty((), dtype=h5py.string_dtype())
-_TEXTS, _SCALAR = h5t.py_create(_TEXT.dtype, logical=True), h5s.create(h5s.SCALAR)
-
-
-def write_attributes(target: Any, attrs: dict[str, Any], where: str) -> None:
-    """Give attributes to a group or variable.
-
-    Raises
-    ------
-    FileError
-        As `encoded`.
-    """
+def write_attributes(target: Any, attrs: Mapping[str, Any], where: str) -> None:
+    """Give attributes to a group or variable; raises as `encoded`."""
     for name, value in attrs.items():
         if name.encode() in BOOKKEEPING or name in PACKING:
             raise FileError(f"{where}, attribute {shown(name)}: is reserved by netCDF; remove it")

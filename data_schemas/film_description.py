@@ -1,31 +1,93 @@
-"""What the observer knows of a film: written beside the image, read with it. NAME.film.toml beside NAME.film.tif."""
+"""What the observer knows of a film: written beside the image, read with it. NAME.film.toml beside NAME.film.tif.
+
+Constants, occupations of bases and readings taken while the film ran are made of the table of the record's instrument:
+a quantity that the record may hold is one that the description may state.
+"""
 
 from __future__ import annotations
 
+import itertools
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
-from data_schemas.film_conditions import (
-    PENDULUM,
-    DescribedBase,
-    DescribedReading,
-    Name,
-    check_bases,
-    check_readings,
-    fields,
-)
-from data_schemas.scene_faults import one_line
-from data_schemas.scene_fields import Number, Section, quantity
-from data_schemas.toml_file import load_toml
+from data_schemas.scene_fields import Name, Number, Section, Text, one_line, quantity
+from data_schemas.text_files import load_toml
+from data_schemas.variables_record import INSTRUMENT
 
 KIND = "film-description"
-
-Text = Annotated[str, Field(strict=True)]
 Kind = TypeVar("Kind", bound=Section)
+BASE, PENDULUM, TIME = "base", "pendulum", "time"
+_LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, "not negative": {"ge": 0}}
+
+
+def _of_instrument(*dims: str, also: tuple[str, ...] | None = None) -> list[str]:
+    """Names of the instrument's numbers of some dimensions; with `also`, those that may have other dimensions too."""
+    rows = INSTRUMENT.items()
+    return [n for n, row in rows if row.dims == dims and row.dtype == "f8" and (also is None or also in row.also)]
+
+
+def _field(name: str, *, each: bool = False, required: bool = False) -> Any:
+    """Field for a variable of the instrument, or for `each` pendulum's by label."""
+    row = INSTRUMENT[name]
+    limits = dict[str, Any](_LIMITS[row.limit])
+    kind: Any = dict[str, Annotated[float, Field(strict=True, **limits)]] if each else Number
+    meaning = f"{row.long_name}, of each pendulum by label" if each else row.long_name
+    entry = quantity(... if required else None, row.units, meaning, **({} if each else limits))
+    return (kind if required else kind | None), entry
+
+
+BASES = {name: of_base for name in _of_instrument(BASE) if (of_base := name.removeprefix("base_"))}
+"""Variables of the instrument with a value a base, and their keys."""
+
+PERIODS = {name: name.removeprefix("base_") for name in _of_instrument(BASE, PENDULUM)}
+"""Those with a value a base and pendulum, and their keys."""
+
+COURSES = _of_instrument(also=(TIME,))
+"""Those that may be read again and again while the film runs."""
+
+
+class _NamedBase(Section):
+    label: Name = quantity(..., "", "name of the station")
+
+
+class _TimedReading(Section):
+    time: Number = quantity(..., "s", "when, in the record's seconds")
+
+
+class _LabelledPendulum(Section):
+    label: Name = quantity(..., "", "label of the pendulum")
+
+
+def _section(name: str, base: type[Section], meaning: str, fields: dict[str, Any]) -> Any:
+    return create_model(name, __base__=base, __doc__=meaning, **fields)
+
+
+DescribedBase: Any = _section(
+    "DescribedBase",
+    _NamedBase,
+    "An occupation of a base station, before or after the record.",
+    {
+        key: _field(name, each=name in PERIODS, required=not name.endswith("_uncertainty"))
+        for name, key in (BASES | PERIODS).items()
+    },
+)
+DescribedReading: Any = _section(
+    "DescribedReading",
+    _TimedReading,
+    "Conditions as they were read at some time; between readings they are taken to change evenly.",
+    {name: _field(name) for name in COURSES},
+)
+DescribedPendulum: Any = _section(
+    "DescribedPendulum", _LabelledPendulum, "A pendulum.", {name: _field(name) for name in _of_instrument(PENDULUM)}
+)
+DescribedInstrument: Any = _section(
+    "DescribedInstrument", Section, "Conditions of all pendulums.", {name: _field(name) for name in _of_instrument()}
+)
 
 
 class DescribedTrace(Section):
@@ -36,24 +98,6 @@ class DescribedTrace(Section):
     lever: Number | None = quantity(None, "mm rad-1", "optical lever: deflection on the film per elongation", gt=0)
     position: Number | None = quantity(None, "mm", "place across the film at rest, from the left edge", ge=0)
     amplitude: Number | None = quantity(None, "mm", "nominal amplitude of the swing on the film", gt=0)
-
-
-class _LabelledPendulum(Section):
-    label: Name = quantity(..., "", "label of the pendulum")
-
-
-DescribedPendulum: Any = create_model(
-    "DescribedPendulum",
-    __base__=_LabelledPendulum,
-    __doc__="A pendulum.",
-    **fields(PENDULUM),
-)
-DescribedInstrument: Any = create_model(
-    "DescribedInstrument",
-    __base__=Section,
-    __doc__="Conditions of all pendulums.",
-    **fields(),
-)
 
 
 class FilmDescription(Section):
@@ -72,32 +116,24 @@ class FilmDescription(Section):
     kind: Literal["film-description"] = quantity(KIND, "", "says what this file is")
     record_id: Name = quantity("film", "", "identifier of the record")
     title: Text = quantity("", "", "what the film shows")
-    start_time: Name = quantity(
-        "2000-01-01T00:00:00Z", "", "date and time from which the record counts its seconds; a full minute"
-    )
+    start_time: Name = quantity("2000-01-01T00:00:00Z", "", "date and time of the record's zero; a full minute")
     speed: Number | None = quantity(None, "mm s-1", "nominal speed of the film", gt=0)
     dpi: Number | None = quantity(None, "inch-1", "pixels of the scan to the inch", gt=0)
     mark_interval: Number = quantity(0.5, "s", "time between the chronometer's marks", gt=0)
     gap: Number | None = quantity(None, "s", "how long the shutter is closed at a mark", ge=0)
-    minute_code: Number | None = quantity(
-        None, "s", "how long after each full minute the shutter closes a second time; 0: never", ge=0
-    )
+    minute_code: Number | None = quantity(None, "s", "second closing after each full minute; 0: none", ge=0)
     marks: Literal["double", "long", "omitted", "none"] | None = quantity(
-        None, "", "what the shutter does at each full minute: closes twice, for longer, not at all, or as ever"
+        None, "", "full minutes: two closings, a longer one, none, or as ever"
     )
     mark_kind: Literal["gaps", "dark-lines", "bright-lines", "edge"] | None = quantity(
-        None,
-        "",
-        "what marks the time: gaps in the traces, lines across the film, or ticks at its edge; left out: sought",
+        None, "", "gaps in traces, lines across, ticks at the edge; left out: sought"
     )
     restoring: Literal["sine", "linear"] = quantity("sine", "", "restoring law of the pendulums")
     traces: tuple[DescribedTrace, ...] = quantity(..., "", "the traces", min_length=1)
     pendulums: tuple[DescribedPendulum, ...] = quantity(..., "", "the pendulums", min_length=1)
     instrument: DescribedInstrument = quantity(DescribedInstrument(), "", "conditions of all pendulums")
     bases: tuple[DescribedBase, ...] = quantity((), "", "occupations of base stations, before and after")
-    readings: tuple[DescribedReading, ...] = quantity(
-        (), "", "conditions as they were read while the film ran, in order of time"
-    )
+    readings: tuple[DescribedReading, ...] = quantity((), "", "conditions read while the film ran, in order of time")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -111,9 +147,41 @@ class FilmDescription(Section):
                     raise ValueError(
                         f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
                     )
-        check_bases(self.bases, labels)
-        check_readings(self.readings, self.instrument)
+        _check_bases(self.bases, labels)
+        _check_readings(self.readings, self.instrument)
         return self
+
+
+def _check_bases(bases: Iterable[Any], labels: list[str]) -> None:
+    """Raise ValueError where bases state different things, or other pendulums than there are."""
+    bases = list(bases)
+    names = [base.label for base in bases]
+    if len(set(names)) < len(names):
+        raise ValueError("bases must have different labels; name each occupation for itself")
+    for key in (*BASES.values(), *PERIODS.values()):
+        given = [getattr(base, key) is not None for base in bases]
+        if any(given) and not all(given):
+            raise ValueError(f"{key} is stated of {sum(given)} of {len(given)} bases; state it of all or of none")
+    for base in bases:
+        for key in PERIODS.values():
+            stated = getattr(base, key)
+            if stated is not None and set(stated) != set(labels):
+                raise ValueError(
+                    f"base {base.label!r} states {key} of {', '.join(stated)}; the pendulums are {', '.join(labels)}"
+                )
+
+
+def _check_readings(readings: Iterable[Any], instrument: Any) -> None:
+    """Raise ValueError where readings are out of order, hold nothing, or repeat what the instrument states."""
+    times = [reading.time for reading in readings]
+    if any(later <= earlier for earlier, later in itertools.pairwise(times)):
+        raise ValueError("readings must be in order of time")
+    for name in COURSES:
+        given = [getattr(reading, name) is not None for reading in readings]
+        if any(given) and getattr(instrument, name) is not None:
+            raise ValueError(f"{name} is stated in instrument and in readings; leave one of them out")
+    if any(all(getattr(reading, name) is None for name in COURSES) for reading in readings):
+        raise ValueError(f"a reading must hold {' or '.join(COURSES)}")
 
 
 def description_path(film: str | os.PathLike[str]) -> Path:

@@ -15,9 +15,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from data_schemas.film_description import Text, film_stem, load_section
-from data_schemas.scene_fields import Count, Number, Section, quantity
-from data_schemas.toml_text import toml_text
+from data_schemas.film_description import film_stem, load_section
+from data_schemas.scene_fields import Count, Number, Section, Text, quantity
+from data_schemas.text_files import toml_text
 from data_schemas.writing import write_text
 
 KIND = "film-edits"
@@ -35,9 +35,7 @@ class Mask(_Edit):
     """Nothing is read in a region."""
 
     kind: Literal["mask"] = "mask"
-    points: tuple[Place, ...] = quantity(
-        ..., "px", "corners [row, column] of a polygon, or two opposite ones of a rectangle", min_length=2
-    )
+    points: tuple[Place, ...] = quantity(..., "px", "corners [row, column]; two are a rectangle's", min_length=2)
 
 
 class Follow(_Edit):
@@ -64,9 +62,7 @@ class Mark(_At):
     """A mark of the chronometer lies here; its clock time, where it is given, tells the times of all the others."""
 
     kind: Literal["mark"] = "mark"
-    time: Text | None = quantity(
-        None, "", "clock time, 'HH:MM:SS' on the day of the film's start_time, or with its date", max_length=40
-    )
+    time: Text | None = quantity(None, "", "'HH:MM:SS' on the start's day, or with a date", max_length=40)
 
     @model_validator(mode="after")
     def _readable(self) -> Self:
@@ -140,9 +136,7 @@ class FilmEdits(Section):
     sha256: tuple[Annotated[str, Field(strict=True, pattern="^[0-9a-f]{64}$")], ...] = quantity(
         ..., "", "of the image, or of its strips in order", min_length=1
     )
-    orientation: Literal[0, 90, 180, 270] = quantity(
-        0, "degree", "turn of the image, clockwise, after which rows run with time"
-    )
+    orientation: Literal[0, 90, 180, 270] = quantity(0, "degree", "clockwise turn after which rows run with time")
     edits: tuple[Edit, ...] = quantity((), "", "the edits", max_length=10_000)
 
     def text(self) -> str:

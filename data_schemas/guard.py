@@ -1,9 +1,8 @@
 """Looks a file over before anything in it is read, and refuses what could deceive, exhaust or hang the reader.
 
-Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored
-inside the file itself, within a `Budget`. Nothing here follows a link, touches an array's values or an
-attribute's, so the inspection is safe in the caller's own process; a reader in a child process starts with
-the same `survey`.
+Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored inside the
+file itself, within a `Budget`. Nothing here follows a link or touches values of arrays or attributes, so the inspection
+is safe in the caller's own process.
 """
 
 from __future__ import annotations
@@ -16,12 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import h5py
-from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z
+from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5t, h5z
 
-from .contents import key, shown
+from .contents import NUMBERS, key, shown
 from .errors import FileError
-from .guard_types import Budget, is_text, plain_type
-from .ordinary import ordinary_size
+from .text_files import ordinary_size
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 BOOKKEEPING = frozenset(
@@ -32,22 +30,57 @@ BOOKKEEPING = frozenset(
 
 _LAYOUTS = frozenset({h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED})
 _FILTERS = frozenset({h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32})
+_MIB = 1 << 20
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What one file may declare at most.
+
+    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far smaller.
+    Values may take `always` bytes and `packed` times those of their file. `chunks` allows an unlimited dimension
+    written a sample at a time for half a day at 25 Hz.
+    """
+
+    file: int = 5120 * _MIB
+    bytes: int = 4096 * _MIB
+    packed: int = 50
+    always: int = 256 * _MIB
+    unwritten: int = 64 * _MIB
+    heap: int = 64 * _MIB
+    chunk: int = 256 * _MIB
+    chunks: int = 1 << 20
+    rank: int = 8
+    texts: int = 10_000
+    text_bytes: int = 64 * _MIB
+    attributes: int = 256
+    attribute_elements: int = 1024
+    attribute_bytes: int = 4 * _MIB
+    groups: int = 64
+    depth: int = 8
+    links: int = 512
+    arrays: int = 1024
+
+
+@dataclass
+class Attribute:
+    """An attribute that passed."""
+
+    name: str
+    id: h5a.AttrID
+    kind: h5t.TypeID
+    space: h5s.SpaceID
 
 
 @dataclass
 class Found:
     """A group or an array that passed."""
 
-    path: str
-    """Of the group, without leading slash; for an array that of its group."""
-    name: str
-    """Of the array; empty for a group."""
+    path: str  # of the group, without leading slash; for an array that of its group
+    name: str  # of the array; empty for a group
     id: h5g.GroupID | h5d.DatasetID
-    """Open, of the low-level interface."""
-    attributes: list[h5a.AttrID]
-    """Those that passed, bookkeeping left out."""
-    address: int
-    """Where its header lies in the file; references point there."""
+    attributes: list[Attribute]  # bookkeeping left out
+    address: int  # of its header in the file; references point there
 
 
 @dataclass
@@ -57,12 +90,9 @@ class Survey:
     budget: Budget
     groups: list[Found] = field(default_factory=list)
     arrays: list[Found] = field(default_factory=list)
-    declared: int = 0
-    """Bytes of all values, unpacked."""
-    heap: int = 0
-    """Bytes that the rest of the file can hold of text at most."""
-    text: int = 0
-    """Bytes of text that were read."""
+    declared: int = 0  # bytes of all values, unpacked
+    heap: int = 0  # bytes that the rest of the file can hold of text at most
+    text: int = 0  # bytes of text that were read
 
 
 def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
@@ -80,9 +110,8 @@ def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
     except OSError as error:
         raise FileError(f"{shown(path, 400)}: {error.strerror}; make the file readable") from None
     if start != SIGNATURE:
-        raise FileError(
-            f"{shown(path, 400)}: is not netCDF-4 (HDF5); make it with simulate or import, or save it as netCDF-4"
-        )
+        remedy = "make it with simulate or import, or save it as netCDF-4"
+        raise FileError(f"{shown(path, 400)}: is not netCDF-4 (HDF5); {remedy}")
     return size
 
 
@@ -106,35 +135,31 @@ def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
     found = Survey(budget)
     stored = 0
     root = h5g.open(file.id, b"/")
-    waiting = [("", root, 0)]
-    seen: set[int] = set()
+    waiting = [("", root, 0, h5o.get_info(root).addr)]
+    seen = {waiting[0][-1]}
     while waiting:
-        path, group, depth = waiting.pop(0)
-        info = h5o.get_info(group)
-        _once(seen, info.addr, path)
-        found.groups.append(Found(path, "", group, _attributes(group, path or "root", budget), info.addr))
+        path, group, depth, address = waiting.pop(0)
+        found.groups.append(Found(path, "", group, _attributes(group, path or "root", budget), address))
         _within(len(found.groups), budget.groups, path, "groups")
-        for name, child in _children(group, path, budget):
+        for name, child, address in _children(group, path, budget):
             where = key(path, name)
+            if address in seen:
+                raise FileError(f"{where}: is linked from two places; store each group and variable once")
+            seen.add(address)
             if isinstance(child, h5g.GroupID):
                 _within(depth + 1, budget.depth, where, "levels of groups")
-                waiting.append((where, child, depth + 1))
+                waiting.append((where, child, depth + 1, address))
                 continue
             if not isinstance(child, h5d.DatasetID):
                 raise FileError(f"{where}: is a user-defined type, which no schema uses; remove it")
-            address = h5o.get_info(child).addr
-            _once(seen, address, where)
-            found.declared += _array(child, where, budget)
+            found.declared += _declared(child, where, budget)
             stored += child.get_storage_size()
             _within(found.declared, budget.bytes, where, "bytes of values")
-            attributes = _attributes(child, where, budget)
-            found.arrays.append(Found(path, name, child, attributes, address))
+            found.arrays.append(Found(path, name, child, _attributes(child, where, budget), address))
             _within(len(found.arrays), budget.arrays, where, "variables")
     if found.declared > budget.always + budget.packed * size:
-        raise FileError(
-            f"declares {found.declared >> 20} MiB of values in {size} bytes, hardly a measurement; split it, or write "
-            "it less compressed"
-        )
+        remedy = "hardly a measurement; split it, or write it less compressed"
+        raise FileError(f"declares {found.declared >> 20} MiB of values in {size} bytes, {remedy}")
     found.heap = max(size - stored, 0)
     _within(found.heap, budget.heap, "file", "bytes outside its arrays")
     return found
@@ -145,27 +170,23 @@ def _within(count: int, most: int, where: str, what: str) -> None:
         raise FileError(f"{where or 'root'}: more than {most} {what}; split the file or remove what no schema uses")
 
 
-def _once(seen: set[int], address: int, where: str) -> None:
-    if address in seen:
-        raise FileError(f"{where or 'root'}: is linked from two places; store each group and variable once")
-    seen.add(address)
-
-
-def _children(
-    group: h5g.GroupID, path: str, budget: Budget
-) -> Iterator[tuple[str, h5g.GroupID | h5d.DatasetID | object]]:
+def _children(group: h5g.GroupID, path: str, budget: Budget) -> Iterator[tuple[str, object, int]]:
+    """Name, member and its address in the file."""
     _within(group.get_num_objs(), budget.links, path, "members in one group")
-    for raw in list(group):
+    links: dict[bytes, tuple[int, int]] = {}
+    group.links.iterate(lambda raw, link: links.update({raw: (link.type, link.u)}), info=True)
+    for raw in list(group):  # in the order in which they were made
+        kind, address = links[raw]
         name = raw.decode("utf-8", "replace")
         where = key(path, shown(name))
-        if group.links.get_info(raw).type != h5l.TYPE_HARD:
+        if kind != h5l.TYPE_HARD:
             raise FileError(f"{where}: is a soft or external link; copy what it points to into the file")
         if not name.isprintable() or "�" in name:
             raise FileError(f"{where}: name holds characters that do not print; rename it")
-        yield name, h5o.open(group, raw)
+        yield name, h5o.open(group, raw), address
 
 
-def _array(array: h5d.DatasetID, where: str, budget: Budget) -> int:
+def _declared(array: h5d.DatasetID, where: str, budget: Budget) -> int:
     """Bytes that the array declares, if it is plain data inside the file."""
     space, made = array.get_space(), array.get_create_plist()
     if space.get_simple_extent_type() == h5s.NULL:
@@ -176,23 +197,16 @@ def _array(array: h5d.DatasetID, where: str, budget: Budget) -> int:
     filters = {made.get_filter(index)[0] for index in range(made.get_nfilters())}
     if not filters <= _FILTERS:
         raise FileError(f"{where}: uses an unknown filter; write it with deflate, shuffle or fletcher32 only")
-    kind = plain_type(array.get_type(), where)
-    shape = space.shape
+    kind, shape = _plain(array.get_type(), where), space.shape
     _within(len(shape), budget.rank, where, "dimensions")
-    elements = 1
-    for length in shape:
-        elements *= length
+    elements = math.prod(shape)
     if is_text(kind):
         _within(elements, budget.texts, where, "texts")
     size: int = elements * kind.get_size()
     if layout == h5d.CHUNKED:
-        chunk = kind.get_size()
-        chunks = 1
-        for length, step in zip(shape, made.get_chunk(), strict=True):
-            chunk *= step
-            chunks *= -(-length // step)
-        _within(chunk, budget.chunk, where, "bytes in a chunk")
-        _within(chunks, budget.chunks, where, "chunks")
+        chunk = made.get_chunk()
+        _within(math.prod(chunk) * kind.get_size(), budget.chunk, where, "bytes in a chunk")
+        _within(math.prod(-(-n // step) for n, step in zip(shape, chunk, strict=True)), budget.chunks, where, "chunks")
     if h5z.FILTER_DEFLATE not in filters:
         # nothing compressed: what is declared must be there, or the reader would be filled with nothing
         _within(size - array.get_storage_size(), budget.unwritten, where, "bytes declared but never written")
@@ -220,20 +234,40 @@ def full_chunks(array: h5d.DatasetID) -> None:
             raise ValueError(f"a chunk of {len(data)} bytes instead of {size}")
 
 
-def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[h5a.AttrID]:
-    count = h5a.get_num_attrs(owner)
-    _within(count, budget.attributes, where, "attributes")
+def is_text(kind: h5t.TypeID) -> bool:
+    """Whether an HDF5 type is text, of fixed or variable length."""
+    return bool(kind.get_class() == h5t.STRING)
+
+
+def _plain(kind: h5t.TypeID, where: str) -> h5t.TypeID:
+    """The type itself, if it is one of the plain numbers or text."""
+    if is_text(kind):
+        return kind
+    if kind.get_class() in (h5t.INTEGER, h5t.FLOAT):
+        try:
+            if kind.dtype.str[1:] in NUMBERS:
+                return kind
+        except (TypeError, ValueError):  # a bit layout that numpy does not have
+            pass
+    allowed = ", ".join(sorted(NUMBERS))
+    raise FileError(f"{where}: its type is neither a plain number nor text; store one of {allowed}, or str")
+
+
+def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[Attribute]:
+    _within(h5a.get_num_attrs(owner), budget.attributes, where, "attributes")
+    names: list[bytes] = []
+    h5a.iterate(owner, names.append)
     passed = []
-    for index in range(count):
-        attribute = h5a.open(owner, index=index)
-        if attribute.name in BOOKKEEPING:
+    for raw in names:
+        if raw in BOOKKEEPING:
             continue
-        name = f"{where}, attribute {shown(attribute.name.decode('utf-8', 'replace'))}"
-        kind = plain_type(attribute.get_type(), name)
-        space = attribute.get_space()
-        _within(len(space.shape or ()), 1, name, "dimensions")
+        attribute = h5a.open(owner, raw)
+        name = raw.decode("utf-8", "replace")
+        told = f"{where}, attribute {shown(name)}"
+        kind, space = _plain(attribute.get_type(), told), attribute.get_space()
+        _within(space.get_simple_extent_ndims(), 1, told, "dimensions")
         elements = space.get_simple_extent_npoints()
-        _within(elements, budget.attribute_elements, name, "elements")
-        _within(elements * kind.get_size(), budget.attribute_bytes, name, "bytes")
-        passed.append(attribute)
+        _within(elements, budget.attribute_elements, told, "elements")
+        _within(elements * kind.get_size(), budget.attribute_bytes, told, "bytes")
+        passed.append(Attribute(name, attribute, kind, space))
     return passed

@@ -40,11 +40,7 @@ def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
     """Step through every heap collection of a file as the library would, each byte once.
 
     Collections never overlap: what looks like one within another, or claims bytes that are another's, is a trap.
-
-    Raises
-    ------
-    FileError
-        In one of them the library would stand still or leave it, or they are larger than any text is.
+    `FileError`: in one of them the library would stand still or leave it, or they are larger than any text is.
     """
     found: Heaps = {}
     end = total = objects = 0
@@ -105,11 +101,7 @@ def _objects(data: bytes, start: int) -> dict[int, int]:
 def text_bytes(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str) -> int:
     """Bytes of text that an array of variable-length text points at, each pointer verified against the heaps.
 
-    Raises
-    ------
-    FileError
-        A pointer leads nowhere or claims more than is there, or the pointers are stored so that they cannot
-        be seen.
+    `FileError`: a pointer leads nowhere or claims more than is there, or pointers are stored so that nobody sees them.
     """
     made = array.get_create_plist()
     contiguous = made.get_layout() == h5d.CONTIGUOUS

@@ -18,20 +18,13 @@ Kind = Literal["record", "truth", "result", "film-truth", "summary"]
 class Layout:
     """One kind of file."""
 
-    schema: str
-    """Value of the root attribute of that name."""
-    groups: Mapping[str, bool]
-    """The groups it knows, and whether each must be there."""
-    attrs: Mapping[str, bool]
-    """Root attributes it knows, and whether each must be there."""
-    one_of: tuple[str, ...] = ()
-    """Groups of which at least one must be there."""
-    json_attrs: tuple[str, ...] = ()
-    """Root attributes whose text is JSON."""
-    root: str = ""
-    """Group of the table of variables whose rows stand at the root, in place of a time."""
-    version: str = VERSION
-    """Value of the root attribute schema_version; older ones are brought up to it as they are read."""
+    schema: str  # value of the root attribute of that name
+    groups: Mapping[str, bool]  # those that it knows, and whether each must be there
+    attrs: Mapping[str, bool]  # of the root, and whether each must be there
+    one_of: tuple[str, ...] = ()  # groups of which at least one must be there
+    json_attrs: tuple[str, ...] = ()  # root attributes whose text is JSON
+    root: str = ""  # group of the table of variables whose rows stand at the root, in place of a time
+    version: str = VERSION  # of the root attribute schema_version; older files are brought up to it as they are read
 
 
 def root_attributes(kind: Kind, record_id: str, **words: str) -> dict[str, str]:
@@ -41,59 +34,30 @@ def root_attributes(kind: Kind, record_id: str, **words: str) -> dict[str, str]:
     return {**named, "record_id": record_id, **words}
 
 
-_COMMON = {
-    "Conventions": False,
-    "schema": True,
-    "schema_version": True,
-    "record_id": True,
-    "title": False,
-    "history": False,
-    "source": False,
-}
+def _known(required: str = "", optional: str = "") -> dict[str, bool]:
+    """Names apart by blanks, and whether each must be there."""
+    return dict.fromkeys(required.split(), True) | dict.fromkeys(optional.split(), False)
+
+
+_COMMON = _known("schema schema_version record_id", "Conventions title history source")
 
 LAYOUTS: Mapping[Kind, Layout] = {
     # the instrument may be absent only from a record with a single trace: checking_record says so
-    "record": Layout("isochrony-record", {"record": True, "instrument": False, "film": False}, _COMMON),
-    "truth": Layout(
-        "isochrony-truth",
-        {"truth": True},
-        {**_COMMON, "scene": True, "seed": True},
-        json_attrs=("scene",),
-    ),
+    "record": Layout("isochrony-record", _known("record", "instrument film"), _COMMON),
+    "truth": Layout("isochrony-truth", _known("truth"), _COMMON | _known("scene seed"), json_attrs=("scene",)),
     "result": Layout(
         "isochrony-result",
-        {
-            "gravity": False,
-            "phases": False,
-            "correction": False,
-            "course": False,
-            "ship": False,
-            "difference": False,
-            "spectrum": False,
-            "pendulums": False,
-            "period": False,
-            "synchrony": False,
-        },
-        {
-            **_COMMON,
-            "input_sha256": True,
-            "configuration": True,
-            "versions": True,
-            "command": False,
-            "elapsed_s": False,
-            "numbers_sha256": False,
-        },
+        _known("", "gravity phases correction course ship difference spectrum pendulums period synchrony"),
+        _COMMON | _known("input_sha256 configuration versions", "command elapsed_s numbers_sha256"),
         one_of=("gravity", "period", "synchrony"),
         json_attrs=("configuration", "versions"),
         version="2",
     ),
     "film-truth": Layout(
         "isochrony-film-truth",
-        {"slices": True, "marks": True},
-        {**_COMMON, "film": True, "seed": True, "scene": False},
+        _known("slices marks"),
+        _COMMON | _known("film seed", "scene"),
         json_attrs=("film", "scene"),
     ),
-    "summary": Layout(
-        "isochrony-summary", {}, {"Conventions": False, "schema": True, "schema_version": True}, root="summary"
-    ),
+    "summary": Layout("isochrony-summary", {}, _known("schema schema_version", "Conventions"), root="summary"),
 }

@@ -1,9 +1,10 @@
-"""Reads a file into memory: looked over first, read by HDF5 alone, checked against its checksum."""
+"""Reads a file into memory, or its shapes and checksum alone: looked over first, read by HDF5, verified."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import zlib
 from collections.abc import Callable, Iterator
@@ -11,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5s
+from h5py import h5d, h5s
 
 from .checksum import ATTRIBUTE, digest
-from .contents import Contents, Entry, Group, key, shown, to_tree
+from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
 from .dimensions import named
 from .errors import FileError
-from .guard import Found, Survey, full_chunks, ordinary, survey
-from .guard_types import Budget, is_text
+from .guard import Attribute, Budget, Found, Survey, full_chunks, is_text, ordinary, survey
 from .heaps import Heaps, sound_heaps, text_bytes
 from .layouts import REWRITTEN
 from .upgrading import current, unpacked
@@ -29,10 +29,14 @@ if TYPE_CHECKING:
 
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
+SLAB = 1 << 16
+"""Elements that `skim` reads at once."""
 
-_ROOM = 1 << 23
+_RESERVE = 1 << 23
 """Bytes that must be free when a file is opened: where HDF5 finds none for its own it ends the process."""
 
+Place = tuple[int | slice, ...]
+Declared = Callable[[int], object]
 NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
 
@@ -40,7 +44,7 @@ NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError, zlib.error)
 
 
-def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | None = None) -> xr.DataTree:
+def read(path: str | os.PathLike[str], *, declared: Declared | None = None) -> xr.DataTree:
     """Read a record, truth or result.
 
     Parameters
@@ -70,18 +74,11 @@ def read(path: str | os.PathLike[str], *, declared: Callable[[int], object] | No
         raise FileError(f"{shown(path, 400)}: {error}") from error
 
 
-@np.errstate(all="ignore")  # what becomes infinite is a fault of values, which the check tells
-def load(
-    path: str | os.PathLike[str], budget: Budget | None = None, *, declared: Callable[[int], object] | None = None
-) -> Contents:
-    """The plain content of a file, looked over and verified; what `read` and `validate` share.
-
-    Raises
-    ------
-    FileError
-        As `read`.
-    """
-    contents = load_raw(path, budget or Budget(), declared=declared)
+@np.errstate(all="ignore")  # what becomes infinite is a fault of values, which the check reports
+def load(path: str | os.PathLike[str], budget: Budget | None = None, *, declared: Declared | None = None) -> Contents:
+    """The plain content of a file, looked over and verified; what `read` and `validate` share; raises as `read`."""
+    with _opened(path, budget or Budget(), _numbers, declared) as contents:
+        pass
     stored = contents[""].attrs.pop(ATTRIBUTE, None)
     if stored is not None and stored != digest(contents):
         if _as_written(path, contents):
@@ -114,74 +111,87 @@ def _as_written(path: str | os.PathLike[str], contents: Contents) -> bool:
     return all(found)
 
 
-def load_raw(
-    path: str | os.PathLike[str], budget: Budget, *, declared: Callable[[int], object] | None = None
-) -> Contents:
-    """The content as stored: checksum not verified, nothing unpacked.
+def skim(path: str | os.PathLike[str]) -> tuple[Contents, str]:
+    """Look a file over and sum it up in bounded memory.
+
+    Returns
+    -------
+    contents : Contents
+        As stored, ``content_sha256`` left out; of arrays of numbers shape and type only, their values are worth
+        nothing.
+    digest : str
+        The checksum of what is stored.
 
     Raises
     ------
     FileError
-        The file is missing, damaged or hostile.
+        The file is missing, damaged or hostile, or does not match its checksum.
     """
-    with opened(path, budget, declared=declared) as contents_by:
-        return contents_by(_numbers)
+    arrays: dict[str, h5d.DatasetID] = {}
+
+    def shape_only(array: h5d.DatasetID, where: str) -> NDArray[Any]:
+        arrays[where] = array
+        return np.broadcast_to(np.zeros((), array.get_type().dtype.newbyteorder("=")), array.shape)
+
+    def blocks(array: h5d.DatasetID) -> Iterator[NDArray[Any]]:
+        stored = h5py.Dataset(array)
+        return (np.asarray(stored[place]) for place in slabs(array.shape))
+
+    with _opened(path, Budget(), shape_only) as contents:
+        stored = contents[""].attrs.pop(ATTRIBUTE, None)
+        found = digest(contents, {where: blocks(array) for where, array in arrays.items()})
+    if stored not in (None, found):
+        raise FileError(f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited")
+    return contents, found
+
+
+def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[Place]:
+    """Index expressions that cover an array in order, last dimension fastest, of at most `most` elements each.
+
+    Examples
+    --------
+    >>> list(slabs((2, 5), 3))
+    [(0, slice(0, 3, None)), (0, slice(3, 6, None)), (1, slice(0, 3, None)), (1, slice(3, 6, None))]
+    >>> list(slabs((5, 2), 4)), list(slabs(()))
+    ([(slice(0, 2, None),), (slice(2, 4, None),), (slice(4, 6, None),)], [()])
+    """
+    inner = math.prod(shape[1:])
+    if not shape:
+        yield ()
+    elif inner > most:
+        yield from ((index, *rest) for index in range(shape[0]) for rest in slabs(shape[1:], most))
+    else:
+        step = most // max(inner, 1)
+        yield from ((slice(begin, begin + step),) for begin in range(0, shape[0], step))
 
 
 @contextlib.contextmanager
-def opened(
-    path: str | os.PathLike[str], budget: Budget, *, declared: Callable[[int], object] | None = None
-) -> Iterator[Callable[[NumbersReader], Contents]]:
-    """A file that passed the survey, open for reading: give a reader of arrays of numbers, get the content.
-
-    Raises
-    ------
-    FileError
-        The file is missing, damaged or hostile, on opening or while it is read.
-    """
+def _opened(
+    path: str | os.PathLike[str], budget: Budget, numbers: NumbersReader, declared: Declared | None = None
+) -> Iterator[Contents]:
+    """The content as stored, of a file that passed the survey and stays open; `numbers` reads its arrays of numbers."""
     size = ordinary(path)
     try:
         heaps = sound_heaps(path)
-        bytearray(_ROOM)
+        bytearray(_RESERVE)
         with h5py.File(path, "r", rdcc_nbytes=CHUNK_CACHE) as file:
             found = survey(file, size, budget)
             if declared is not None:
                 declared(found.declared)
-            yield lambda numbers: _contents(found, lambda one, where: _text(path, one, heaps, where, found), numbers)
+            yield _Reader(path, found, heaps, numbers).contents()
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:
         damage = "cannot be read, it is truncated, damaged or being written ({}); restore it"
-        raise FileError(f"{shown(path, 400)}: {_told(error, damage)}") from error
+        raise FileError(f"{shown(path, 400)}: {_cause(error, damage)}") from error
 
 
-def _told(error: Exception, damage: str) -> str:
+def _cause(error: Exception, damage: str) -> str:
     """What stopped the reading: a lack of memory, or the given words of damage with the reason put in."""
     lacking = isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM
     if lacking or "memory allocation failed" in str(error):
         return "takes more memory than this process may have; give it more"
     return damage.format(shown(" ".join(str(error).split()), 120))
-
-
-def _contents(
-    found: Survey,
-    text: Callable[[h5d.DatasetID, str], NDArray[Any]],
-    numbers: NumbersReader,
-) -> Contents:
-    """Everything that passed the survey; `text` reads the arrays of text, `numbers` the others."""
-    contents = {group.path: Group(_attributes(group, group.path or "root", found)) for group in found.groups}
-    for one in named(found):
-        where = key(one.array.path, one.name)
-        variables = contents[one.array.path].variables
-        if one.name in variables:
-            raise FileError(f"{where}: is there twice; keep one")
-        try:
-            full_chunks(one.array.id)
-            values = (text if is_text(one.array.id.get_type()) else numbers)(one.array.id, where)
-        except _DAMAGE as error:
-            raise FileError(f"{where}: {_told(error, 'its values are damaged ({}); restore the file')}") from error
-        variables[one.name] = Entry(one.dims, values, _attributes(one.array, where, found))
-    return contents
 
 
 def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
@@ -191,52 +201,66 @@ def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
     return numbers
 
 
-def _text(path: str | os.PathLike[str], array: h5d.DatasetID, heaps: Heaps, where: str, found: Survey) -> NDArray[Any]:
-    kind = array.get_type()
-    size = text_bytes(path, array, heaps, where) if kind.is_variable_str() else 0
-    _counted(size, where, found)
-    texts = np.empty(array.shape, dtype=kind.dtype)
-    if texts.size:
-        array.read(h5s.ALL, h5s.ALL, texts)
-    decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
-    _counted(len(decoded) * max(map(len, decoded), default=0) - size, where, found)  # each takes the longest one's room
-    return np.array(decoded, dtype=np.str_).reshape(array.shape)
+class _Reader:
+    """Reads everything that passed the survey."""
 
+    def __init__(self, path: str | os.PathLike[str], found: Survey, heaps: Heaps, numbers: NumbersReader) -> None:
+        self._path, self._found, self._heaps, self._numbers = path, found, heaps, numbers
 
-def _counted(size: int, where: str, found: Survey) -> None:
-    """Text is counted over the whole file."""
-    found.text += max(size, 0)
-    if found.text > found.budget.text_bytes:
-        raise FileError(f"{where}: more than {found.budget.text_bytes} bytes of text; shorten it")
+    def contents(self) -> Contents:
+        groups = self._found.groups
+        contents = {group.path: Group(self._attributes(group, group.path or "root")) for group in groups}
+        for one in named(self._found):
+            where = key(one.array.path, one.name)
+            variables = contents[one.array.path].variables
+            if one.name in variables:
+                raise FileError(f"{where}: is there twice; keep one")
+            array = one.array.id
+            try:
+                full_chunks(array)
+                values = (self._text if is_text(array.get_type()) else self._numbers)(array, where)
+            except _DAMAGE as error:
+                raise FileError(f"{where}: {_cause(error, 'its values are damaged ({}); restore the file')}") from error
+            variables[one.name] = Entry(one.dims, values, self._attributes(one.array, where))
+        return contents
 
-
-def _attributes(owner: Found, where: str, found: Survey) -> dict[str, Any]:
-    attrs = {}
-    for attribute in owner.attributes:
-        name = attribute.name.decode("utf-8", "replace")
-        attrs[name] = _attribute(attribute, f"{where}, attribute {shown(name)}", found)
-    return attrs
-
-
-def _attribute(attribute: h5a.AttrID, where: str, found: Survey) -> Any:
-    kind, space = attribute.get_type(), attribute.get_space()
-    if space.get_simple_extent_type() == h5s.NULL:
-        return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
-    shape = space.shape
-    if is_text(kind):
-        if kind.is_variable_str() and space.get_simple_extent_npoints() * found.heap > 4 * found.budget.text_bytes:
-            raise FileError(f"{where}: too many texts; join them into one")
-        texts = np.empty(shape, dtype=kind.dtype)
-        attribute.read(texts)
+    def _text(self, array: h5d.DatasetID, where: str) -> NDArray[Any]:
+        kind = array.get_type()
+        size = text_bytes(self._path, array, self._heaps, where) if kind.is_variable_str() else 0
+        self._count(size, where)
+        texts = np.empty(array.shape, dtype=kind.dtype)
+        if texts.size:
+            array.read(h5s.ALL, h5s.ALL, texts)
         decoded = [_decoded(one, where) for one in texts.ravel().tolist()]
-        _counted(sum(map(len, decoded)), where, found)
-        return decoded[0] if len(decoded) == 1 else decoded
-    numbers: NDArray[Any] = np.empty(shape, dtype=kind.dtype.newbyteorder("="))
-    attribute.read(numbers)
-    if numbers.size != 1:
-        return numbers
-    number = numbers.ravel()[0]
-    return number.item() if number.dtype.str[1:] in ("i8", "f8") else number
+        # each takes the longest one's length
+        self._count(len(decoded) * max(map(len, decoded), default=0) - size, where)
+        return np.array(decoded, dtype=np.str_).reshape(array.shape)
+
+    def _count(self, size: int, where: str) -> None:
+        """Text is counted over the whole file."""
+        self._found.text += max(size, 0)
+        most = self._found.budget.text_bytes
+        if self._found.text > most:
+            raise FileError(f"{where}: more than {most} bytes of text; shorten it")
+
+    def _attributes(self, owner: Found, where: str) -> dict[str, Any]:
+        return {one.name: self._attribute(one, f"{where}, attribute {shown(one.name)}") for one in owner.attributes}
+
+    def _attribute(self, attribute: Attribute, where: str) -> Any:
+        kind, space = attribute.kind, attribute.space
+        if space.get_simple_extent_type() == h5s.NULL:
+            return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
+        values = np.empty(space.shape, dtype=kind.dtype if is_text(kind) else kind.dtype.newbyteorder("="))
+        if is_text(kind):
+            count, most = space.get_simple_extent_npoints(), 4 * self._found.budget.text_bytes
+            if kind.is_variable_str() and count * self._found.heap > most:
+                raise FileError(f"{where}: too many texts; join them into one")
+            attribute.id.read(values)
+            decoded = [_decoded(one, where) for one in values.ravel().tolist()]
+            self._count(sum(map(len, decoded)), where)
+            return decoded[0] if len(decoded) == 1 else decoded
+        attribute.id.read(values)
+        return as_attribute(values)
 
 
 def _decoded(raw: bytes | str, where: str) -> str:

@@ -7,25 +7,32 @@ import math
 import os
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import ValidationError, field_validator, model_validator
 
 from data_schemas.errors import SceneError
-from data_schemas.scene_apparatus import Case, Handling
-from data_schemas.scene_checks import check_physics
-from data_schemas.scene_conditions import Conditions, GravityCourse
-from data_schemas.scene_faults import one_line
-from data_schemas.scene_fields import Number, Section, quantity
+from data_schemas.scene_conditions import Conditions, GravityCourse, check_physics
+from data_schemas.scene_fields import Number, Section, Seed, Text, one_line, quantity
 from data_schemas.scene_film import Film
-from data_schemas.scene_motion import Motion
-from data_schemas.scene_pendulum import Pendulum
-from data_schemas.scene_recording import Recording, Seed, Trace
-from data_schemas.scene_simulation import Simulation
-from data_schemas.scene_support import FixedSupport, Support
-from data_schemas.toml_file import load_toml
+from data_schemas.scene_motion import Case, Motion
+from data_schemas.scene_pendulum import FixedSupport, Handling, Pendulum, Support
+from data_schemas.scene_recording import Recording, Trace
+from data_schemas.text_files import load_toml
 
 _MOST_SAMPLES = 200_000_000
+
+
+Propagator = Literal["auto", "closed-form", "picard", "beam-collocation", "explicit", "radau"]
+
+
+class Simulation(Section):
+    """Left out, everything is as exact as it can be."""
+
+    tolerance: Number | None = quantity(
+        None, "1", "largest error over largest angle; left out: the least possible", ge=1e-15, le=1e-2
+    )
+    propagator: Propagator = quantity("auto", "", "'auto' takes what suits the scene; a name insists or is refused")
 
 
 class Scene(Section):
@@ -48,36 +55,26 @@ class Scene(Section):
     ['1', '1-2']
     """
 
-    record_id: Annotated[str, Field(strict=True)] = quantity(
-        ..., "", "identifier of the record", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]{0,58}$"
-    )
-    title: Annotated[str, Field(strict=True)] = quantity("", "", "what the record shows", max_length=400)
+    record_id: Text = quantity(..., "", "identifier of the record", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]{0,58}$")
+    title: Text = quantity("", "", "what the record shows", max_length=400)
     seed: Seed = quantity(0, "1", "all chance in the scene comes from this number")
-    start_time: Annotated[str, Field(strict=True)] = quantity(
-        "2000-01-01T00:00:00Z", "", "date and time of t = 0",
+    start_time: Text = quantity(
+        "2000-01-01T00:00:00Z",
+        "",
+        "date and time of t = 0",
         pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$",
-    )  # fmt: skip
+    )
     duration: Number = quantity(..., "s", "length of the record, by its chronometer", gt=0, le=1e8)
     gravity: Number = quantity(..., "m s-2", "true gravity, without gravity_course", ge=0.1, le=100)
-    gravity_course: GravityCourse | None = quantity(
-        None, "", "change of gravity over the record, added to gravity: kind = 'linear', 'sine' or 'table'"
-    )
-    reference_gravity: Number = quantity(
-        9.81, "m s-2", "gravity at which the pendulums have their stated periods", ge=0.1, le=100
-    )
-    restoring: Literal["linear", "sine"] = quantity(
-        "linear", "", "restoring law of the pendulums: 'linear' for small arcs, 'sine' for real ones"
-    )
+    gravity_course: GravityCourse | None = quantity(None, "", "added to gravity: kind = 'linear', 'sine' or 'table'")
+    reference_gravity: Number = quantity(9.81, "m s-2", "gravity at which the stated periods hold", ge=0.1, le=100)
+    restoring: Literal["linear", "sine"] = quantity("linear", "", "restoring law: 'linear' for small arcs, or 'sine'")
     pendulums: tuple[Pendulum, ...] = quantity(..., "", "the pendulums, in order", min_length=1, max_length=100)
     motion: tuple[Motion, ...] = quantity((), "", "terms of the ship's acceleration; they add")
-    support: Support = quantity(
-        FixedSupport(), "", "what the pendulums hang on: kind = 'fixed', 'beam', 'frame' or 'board'"
-    )
+    support: Support = quantity(FixedSupport(), "", "they hang on this: kind = 'fixed', 'beam', 'frame' or 'board'")
     conditions: Conditions = quantity(Conditions(), "", "heat, air, tilt, turn, the ship's way, base stations")
     case: Case | None = quantity(None, "", "the case of the apparatus, where it tilts: pitch, roll, what is measured")
-    events: tuple[Handling, ...] = quantity(
-        (), "", "what is done to single pendulums: kind = 'knock', 'restart', 'release' or 'clamp'"
-    )
+    events: tuple[Handling, ...] = quantity((), "", "events: kind = 'knock', 'restart', 'release' or 'clamp'")
     recording: Recording = quantity(Recording(), "", "what is written down of the motion")
     film: Film | None = quantity(None, "", "the film to which `expose` writes the traces; `simulate` makes none")
     simulation: Simulation = quantity(Simulation(), "", "how exactly the motion is computed, and by what")

@@ -9,8 +9,8 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from data_schemas.scene_fields import Count, Number, Section, Switch, TraceName, quantity
-from data_schemas.scene_recording import Seed, Stretch
+from data_schemas.scene_fields import Count, Number, Section, Seed, Switch, TraceName, quantity
+from data_schemas.scene_recording import Stretch
 
 
 class FilmTrace(Section):

@@ -1,4 +1,4 @@
-"""Motion of the support: a scene names any number of these terms, and those along one axis add."""
+"""Motion of the support, terms that add along each axis, and tilt of the case."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from data_schemas.scene_fields import Count, Label, Number, Section, quantity
+from data_schemas.scene_fields import Count, Label, Name, Number, Section, Seed, Switch, quantity
 
 Numbers = tuple[Number, ...]
 Axis = Literal["horizontal", "transverse", "vertical"]
@@ -38,9 +38,7 @@ class Harmonics(Section):
     """Lists of harmonics, amplitude * cos(angular_frequency * t + phase) each."""
 
     amplitude: Numbers
-    angular_frequency: Numbers | None = quantity(
-        None, "rad s-1", "angular frequency of each harmonic, 0 to 1e5; this or period"
-    )
+    angular_frequency: Numbers | None = quantity(None, "rad s-1", "angular frequencies, 0 to 1e5; these or period")
     period: Numbers | None = quantity(None, "s", "period of each harmonic, above 1e-4; this or angular_frequency")
     phase: Numbers | None = quantity(None, "rad", "phase of each harmonic at t = 0; left out: all zero")
 
@@ -74,19 +72,8 @@ class NearResonantMotion(Section):
 
     kind: Literal["near-resonant"] = quantity("near-resonant", "", "one harmonic close to a pendulum's frequency")
     amplitude: Number = quantity(..., "m s-2", "amplitude of the acceleration", ge=0, le=100)
-    detuning: Number | None = quantity(
-        None,
-        "rad s-1",
-        "nu, half the difference of the pendulum's and the motion's circular frequency",
-        ge=-10,
-        le=10,
-    )
-    beat_period: Number | None = quantity(
-        None,
-        "s",
-        "time from one vanishing of the beat's amplitude to the next, pi/nu; instead of detuning",
-        gt=0,
-    )
+    detuning: Number | None = quantity(None, "rad s-1", "nu, half of n less the motion's frequency", ge=-10, le=10)
+    beat_period: Number | None = quantity(None, "s", "time between zeros of the beat, pi/nu; instead of detuning", gt=0)
     phase: Number = quantity(0.0, "rad", "phase of the acceleration at t = 0", ge=-100, le=100)
     pendulum: Label | None = quantity(None, "", "label of the pendulum it is close to; left out: the first")
 
@@ -114,24 +101,14 @@ class SeaMotion(Section):
     """
 
     kind: Literal["sea"] = quantity("sea", "", "a sea state")
-    spectrum: Literal["jonswap", "pierson-moskowitz"] = quantity(
-        "jonswap", "", "shape of the wave spectrum: 'jonswap' (peak factor 3.3) or 'pierson-moskowitz' (1)"
-    )
+    spectrum: Literal["jonswap", "pierson-moskowitz"] = quantity("jonswap", "", "peak factor 3.3 or 1")
     significant_height: Number = quantity(..., "m", "four times the rms elevation of the sea", ge=0, le=30)
     peak_period: Number = quantity(..., "s", "period at the peak of the spectrum", ge=1, le=60)
     depth: Number = quantity(0.0, "m", "immersion d of the vessel; every wave is reduced by exp(-k d)", ge=0, le=1000)
-    direction: Number = quantity(
-        0.0, "degrees", "direction of the waves relative to the swing plane; 90 moves the support across it",
-        ge=-360, le=360,
-    )  # fmt: skip
-    cutoff: Number = quantity(
-        3.0, "1", "highest frequency as a multiple of the peak's; the rms acceleration depends on it",
-        gt=0.6, le=40,
-    )  # fmt: skip
+    direction: Number = quantity(0.0, "degrees", "direction from the swing plane; 90: across", ge=-360, le=360)
+    cutoff: Number = quantity(3.0, "1", "highest frequency over the peak's; sets the rms acceleration", gt=0.6, le=40)
     components: Count = quantity(64, "1", "number of harmonics that make up the sea", ge=1, le=100_000)
-    seed: Annotated[int, Field(strict=True, ge=0, lt=2**63)] | None = quantity(
-        None, "1", "seed of the phases and frequencies; left out: derived from the scene's seed"
-    )
+    seed: Seed | None = quantity(None, "1", "left out: derived from the scene's")
     axis: Axis = axis()
 
 
@@ -140,18 +117,12 @@ class Table(Section):
 
     section: ClassVar[str] = "motion"
     """Where in a scene it stands, for messages."""
-    file: Annotated[str, Field(strict=True, min_length=1)] = quantity(
-        ..., "", "CSV or netCDF file (.nc), relative to the scene's own folder"
-    )
+    file: Name = quantity(..., "", "CSV or netCDF, from the scene's folder")
     time: Column = quantity(1, "", "column of the times in s: a name, or a number counted from 1")
     value: Column = quantity(2, "", "column of the values: a name, or a number counted from 1")
     factor: Number = quantity(1.0, "1", "what turns the column into m s-2", ge=-1e6, le=1e6)
-    begin: Number | None = quantity(
-        None, "s", "the table's time at which the record begins; left out: the table's first time"
-    )
-    interpolation: Literal["band-limited", "spline"] = quantity(
-        "band-limited", "", "'band-limited' for even steps, 'spline' also for uneven ones"
-    )
+    begin: Number | None = quantity(None, "s", "the table's time at which the record begins; left out: its first")
+    interpolation: Literal["band-limited", "spline"] = quantity("band-limited", "", "'spline' for uneven steps")
 
     @field_validator("file")
     @classmethod
@@ -181,3 +152,44 @@ class TabulatedMotion(Table):
 Motion = Annotated[
     Still | HarmonicMotion | NearResonantMotion | SeaMotion | TabulatedMotion, Field(discriminator="kind")
 ]
+
+
+class HarmonicTilt(Harmonics):
+    """tilt = sum of amplitude * cos(angular_frequency * t + phase)."""
+
+    kind: Literal["harmonics"] = quantity("harmonics", "", "a sum of harmonics of the angle")
+    amplitude: Numbers = quantity(..., "rad", "amplitude of each harmonic of the angle", min_length=1)
+
+
+class TabulatedTilt(Table):
+    """An angle that was recorded: a column of a CSV or netCDF file, times its factor in rad."""
+
+    kind: Literal["tabulated"] = quantity("tabulated", "", "a recorded series of angles")
+
+
+class GimbalTilt(Section):
+    """The case follows the apparent vertical as a damped pendulum does.
+
+    b'' + 2 damping w b' + w^2 b = w^2 a/g, with w = 2 pi/period and a the acceleration of the support along the axis.
+    """
+
+    kind: Literal["gimbal"] = quantity("gimbal", "", "the case follows the apparent vertical")
+    period: Number = quantity(..., "s", "own period of the gimbal; one shorter than the sea's follows", gt=0, le=1e4)
+    damping: Number = quantity(0.5, "1", "part of critical damping", gt=0, le=100)
+
+
+Tilt = Annotated[HarmonicTilt | TabulatedTilt | GimbalTilt, Field(discriminator="kind")]
+
+
+class Case(Section):
+    """The case of the apparatus, which tilts.
+
+    A pitch, within the plane of swing, leaves the pendulums alone, but elongations that are measured from the case lack
+    it; a roll turns the plane of swing itself out of the vertical. Both are positive as elongations are.
+    """
+
+    pitch: Tilt | None = quantity(None, "", "tilt in the plane of swing: kind = 'harmonics', 'tabulated' or 'gimbal'")
+    roll: Tilt | None = quantity(None, "", "tilt of the plane of swing across it, of the same kinds")
+    reference: Literal["vertical", "case"] = quantity("case", "", "what the elongations are measured from")
+    write_tilt: Switch = quantity(False, "", "whether the record carries the tilt within the plane of swing")
+    tilt_noise: Number = quantity(0.0, "rad", "1 sigma of white noise of that tilt", ge=0, le=1)

@@ -1,4 +1,4 @@
-"""A pendulum of a scene: its period, how it starts, what resists its swing and what drives it."""
+"""Pendulums of a scene: how they start, what resists and drives them, what is done to them, what they hang on."""
 
 from __future__ import annotations
 
@@ -36,9 +36,7 @@ class KnifeEdge(Section):
     """Dry friction of a knife edge, smoothed: theta'' gains -friction * tanh(theta'/rate)."""
 
     friction: Number = quantity(..., "rad s-2", "angular deceleration by friction of a fast swing", gt=0, le=1e4)
-    rate: Number = quantity(
-        ..., "rad s-1", "angular velocity at which friction has reached 76 % of itself", ge=1e-9, le=100
-    )
+    rate: Number = quantity(..., "rad s-1", "rate at which friction reaches 76 % of itself", ge=1e-9, le=100)
 
 
 class VanDerPolEscapement(Section):
@@ -46,10 +44,7 @@ class VanDerPolEscapement(Section):
 
     kind: Literal["van-der-pol"] = quantity("van-der-pol", "", "drives below an angle and brakes above it")
     rate: Number = quantity(..., "s-1", "eps, the rate at which a small swing is driven", gt=0, le=1e6)
-    angle: Number = quantity(
-        ..., "rad", "angle at which the drive turns into a brake; a weakly driven pendulum comes to swing twice as far",
-        gt=0, le=100,
-    )  # fmt: skip
+    angle: Number = quantity(..., "rad", "angle of drive turning to brake; a weak drive ends at twice it", gt=0, le=100)
 
 
 class ImpulseEscapement(Section):
@@ -57,12 +52,8 @@ class ImpulseEscapement(Section):
 
     kind: Literal["impulse"] = quantity("impulse", "", "a kick whenever the pendulum passes an angle")
     angle: Number = quantity(0.0, "rad", "angle at which the kick comes", ge=-1000, le=1000)
-    direction: Literal["rising", "falling", "both"] = quantity(
-        "both", "", "kicks come while the angle is 'rising', 'falling', or 'both' ways"
-    )
-    energy: Number = quantity(
-        ..., "rad2 s-2", "energy that a kick gives, divided by mass and square of the length", gt=0, le=1e6
-    )
+    direction: Literal["rising", "falling", "both"] = quantity("both", "", "the way on which kicks come")
+    energy: Number = quantity(..., "rad2 s-2", "energy of a kick over mass and length squared", gt=0, le=1e6)
 
 
 Escapement = Annotated[VanDerPolEscapement | ImpulseEscapement, Field(discriminator="kind")]
@@ -75,39 +66,31 @@ class Pendulum(Section):
     """
 
     label: Label = quantity(..., "", "name of the pendulum, as in the record; no two alike")
-    period: Number = quantity(
-        ..., "s", "full period at infinitesimal arc, on a rigid support and at reference_gravity", ge=0.01, le=100
-    )
+    period: Number = quantity(..., "s", "full period, infinitesimal arc, rigid support", ge=0.01, le=100)
     mass: Number | None = quantity(None, "kg", "mass of the bob; a beam or a frame needs it", gt=0, le=1e6)
     temperature_coefficient: Number = quantity(0.0, "s K-1", "what a kelvin more adds to the period", ge=-1e-2, le=1e-2)
-    density_coefficient: Number = quantity(
-        0.0, "s", "what air of conditions.air_density_reference adds to the period in vacuum", ge=-1, le=1
-    )
-    drift: Number = quantity(
-        0.0, "s day-1", "what a day adds to the period, from the record's start on; the record states none of it",
-        ge=-1e-2, le=1e-2,
-    )  # fmt: skip
+    density_coefficient: Number = quantity(0.0, "s", "what air of the reference adds to the period", ge=-1, le=1)
+    drift: Number = quantity(0.0, "s day-1", "what a day adds to the period, unstated", ge=-1e-2, le=1e-2)
     damping_rate: Number = quantity(
-        0.0, "s-1", "rate gamma at which the free amplitude decays, exp(-gamma t)",
-        resistance="viscous damping", ge=0, le=1e4,
-    )  # fmt: skip
+        0.0,
+        "s-1",
+        "rate gamma at which the free amplitude decays, exp(-gamma t)",
+        resistance="viscous damping",
+        ge=0,
+        le=1e4,
+    )
     quadratic_damping: Number = quantity(
-        0.0, "rad-1", "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'",
-        resistance="quadratic damping", ge=0, le=1e4,
-    )  # fmt: skip
-    kick_intensity: Number = quantity(
-        0.0, "rad s-1/2", "k of random kicks by air and knife edge, d theta' = n k dW; white, and each pendulum's own",
-        ge=0, le=1e-2,
-    )  # fmt: skip
-    knife_edge: KnifeEdge | None = quantity(
-        None, "", "dry friction of the knife edge; left out: none", resistance="knife edge"
+        0.0,
+        "rad-1",
+        "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'",
+        resistance="quadratic damping",
+        ge=0,
+        le=1e4,
     )
-    escapement: Escapement | None = quantity(
-        None, "", "what keeps the pendulum going, kind = 'van-der-pol' or 'impulse'; left out: nothing"
-    )
-    plane: Number = quantity(
-        0.0, "rad", "angle of its plane of swing about the vertical from that of the record", ge=-1.6, le=1.6
-    )
+    kick_intensity: Number = quantity(0.0, "rad s-1/2", "k of white random kicks, d theta' = n k dW", ge=0, le=1e-2)
+    knife_edge: KnifeEdge | None = quantity(None, "", "dry friction; left out: none", resistance="knife edge")
+    escapement: Escapement | None = quantity(None, "", "what drives it: kind = 'van-der-pol' or 'impulse'")
+    plane: Number = quantity(0.0, "rad", "azimuth of its plane of swing from the record's plane", ge=-1.6, le=1.6)
     start: Start = quantity(..., "", "how the pendulum starts: kind = 'free' or 'state'")
 
 
@@ -115,3 +98,88 @@ RESISTANCES: dict[str, str] = {
     name: extra(Pendulum, name)["resistance"] for name in Pendulum.model_fields if "resistance" in extra(Pendulum, name)
 }
 """Fields of a pendulum that resist its swing, and their names."""
+
+
+class Event(Section):
+    """Something done to one pendulum, at the nearest of even instants, 16 or more a period; the truth says when."""
+
+    pendulum: Label = quantity(..., "", "label of the pendulum")
+    time: Number = quantity(..., "s", "true time", gt=0, le=1e8)
+
+
+class Knock(Event):
+    """A sudden change of the angular velocity."""
+
+    kind: Literal["knock"] = quantity("knock", "", "the angular velocity changes at once")
+    change: Number = quantity(..., "rad", "change of theta'/n", ge=-10, le=10)
+
+
+class Restart(Event):
+    """The pendulum is started anew by hand."""
+
+    kind: Literal["restart"] = quantity("restart", "", "the pendulum is started anew")
+    angle: Number = quantity(..., "rad", "angle from which it goes on", ge=-10, le=10)
+    angular_velocity: Number = quantity(0.0, "rad s-1", "with this angular velocity", ge=-100, le=100)
+
+
+class Release(Event):
+    """The pendulum is held until then, and released."""
+
+    kind: Literal["release"] = quantity("release", "", "the pendulum is held at an angle until it is released")
+    angle: Number = quantity(..., "rad", "angle at which it is held", ge=-10, le=10)
+
+
+class Clamp(Event):
+    """The pendulum stands still from then on."""
+
+    kind: Literal["clamp"] = quantity("clamp", "", "the pendulum is clamped and stands still from then on")
+    angle: Number = quantity(0.0, "rad", "angle at which it stands", ge=-10, le=10)
+
+
+Handling = Annotated[Knock | Restart | Release | Clamp, Field(discriminator="kind")]
+
+
+class FixedSupport(Section):
+    """The support follows the ship and nothing else."""
+
+    kind: Literal["fixed"] = quantity("fixed", "", "the support follows the ship and nothing else")
+
+
+def _mass() -> Number:
+    number: Number = quantity(..., "kg", "M, effective mass of the support without pendulums", gt=0, le=1e9)
+    return number
+
+
+class BeamSupport(Section):
+    """An elastic beam that moves up and down: systems (1) and (2) of Kanunnikov and Lamper."""
+
+    kind: Literal["beam"] = quantity("beam", "", "an elastic beam that moves up and down")
+    mass: Number = _mass()
+    stiffness: Number = quantity(..., "N m-1", "K, vertical stiffness", gt=0, le=1e15)
+    damping_rate: Number = quantity(0.0, "s-1", "eps0; the beam is braked by eps0 (M + sum of masses) x'", ge=0, le=1e9)
+    displacement: Number = quantity(0.0, "m", "x at t = 0, downwards from the static sag", ge=-1000, le=1000)
+    velocity: Number = quantity(0.0, "m s-1", "x' at t = 0, downwards", ge=-1000, le=1000)
+    equations: Literal["full", "reduced"] = quantity(
+        "full", "", "'full' for system (1), 'reduced' for system (2), which holds at small arcs and for like clocks"
+    )
+
+
+class FrameSupport(Section):
+    """A frame that yields sideways, in the swing plane."""
+
+    kind: Literal["frame"] = quantity("frame", "", "a frame that yields sideways")
+    mass: Number = _mass()
+    stiffness: Number = quantity(..., "N m-1", "K, horizontal stiffness", ge=0, le=1e15)
+    resistance: Number = quantity(0.0, "N s m-1", "B; the frame is braked by B X'", ge=0, le=1e12)
+    displacement: Number = quantity(0.0, "m", "X at t = 0, relative to the ship", ge=-1000, le=1000)
+    velocity: Number = quantity(0.0, "m s-1", "X' at t = 0, relative to the ship", ge=-1000, le=1000)
+
+
+class BoardSupport(Section):
+    """A board that rolls freely, with metronomes on it (Pantaleone 2002)."""
+
+    kind: Literal["board"] = quantity("board", "", "a board that rolls freely, with metronomes on it")
+    coupling: Number = quantity(..., "1", "b; bobs' share of the mass, times lever over reduced length", gt=0, lt=1)
+
+
+Support = Annotated[FixedSupport | BeamSupport | FrameSupport | BoardSupport, Field(discriminator="kind")]

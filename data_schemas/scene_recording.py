@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from data_schemas.scene_apparatus import Accelerometer, Step, TraceErrors, Wow
 from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, quantity
 
 _DEFAULT_RATE = Fraction(25)  # Hz
@@ -18,9 +17,7 @@ class Trace(Section):
     """One line of the record: a combination of the pendulums' angles."""
 
     name: TraceName = quantity(..., "", "name of the trace; no two alike")
-    combination: dict[str, Number] = quantity(
-        ..., "1", "factor of each pendulum by label, such as {1 = 1, 2 = -1}", min_length=1
-    )
+    combination: dict[str, Number] = quantity(..., "1", "factors by pendulum, such as {1 = 1, 2 = -1}", min_length=1)
 
 
 class Stretch(Section):
@@ -43,55 +40,78 @@ class Stretch(Section):
         return self
 
 
+class Step(Section):
+    """A value that changes at once."""
+
+    time: Number = quantity(..., "s", "when, by the chronometer", ge=0)
+    size: Number = quantity(..., "", "by how much", ge=-1e3, le=1e3)
+
+
+class TraceErrors(Section):
+    """What is wrong with the reading of one trace, or of all.
+
+    An angle x becomes `(1 + scale) (tan(lever x)/lever + cubic x^3) + zero + drift (t - half the record) + steps`,
+    clipped; read at the time less `delay`.
+    """
+
+    trace: TraceName | None = quantity(None, "", "name of the trace; left out: all traces")
+    zero: Number = quantity(0.0, "rad", "what stands for an angle of zero", ge=-1, le=1)
+    drift: Number = quantity(0.0, "rad", "change of the zero over the record; none in its middle", ge=-1, le=1)
+    steps: tuple[Step, ...] = quantity((), "", "steps of the zero, as {time, size} in s and rad")
+    scale: Number = quantity(0.0, "1", "relative error of the scale", gt=-1, le=10)
+    cubic: Number = quantity(0.0, "rad-2", "factor of the cube of the angle", ge=-1e3, le=1e3)
+    lever: Number = quantity(
+        0.0, "1", "turn of the light over the pendulum's: 2 by a mirror; 0: no tangent", ge=0, le=4
+    )
+    clip: Number | None = quantity(None, "rad", "largest elongation that is read; left out: any", gt=0, le=10)
+    delay: Number = quantity(0.0, "s", "time by which the trace comes late", ge=-1, le=1)
+
+
+class Wow(Section):
+    """Times that are off periodically, as those of a film drive."""
+
+    amplitude: Number = quantity(..., "s", "largest error of the record's time", ge=0, le=1)
+    period: Number = quantity(..., "s", "period of the error", ge=0.1, le=1e6)
+    phase: Number = quantity(0.0, "rad", "phase of its sine at t = 0", ge=-100, le=100)
+
+
+class Accelerometer(Section):
+    """A recorded acceleration of the support, with its errors: (1 + scale) a(t - delay) + bias + noise."""
+
+    bias: Number = quantity(0.0, "m s-2", "what it reads at rest; 9.81 where gravity is in it", ge=-100, le=100)
+    scale: Number = quantity(0.0, "1", "relative error of the scale; -2 for a wrong sign", ge=-100, le=100)
+    delay: Number = quantity(0.0, "s", "time by which it comes late", ge=-10, le=10)
+    noise: Number = quantity(0.0, "m s-2", "1 sigma of its white noise", ge=0, le=100)
+    missing: tuple[tuple[Number, Number], ...] = quantity((), "", "stretches without values, as [start, stop] in s")
+    frame: Literal["earth", "case"] = quantity("earth", "", "'case' adds gravity times the tilt to a horizontal one")
+
+
 class Recording(Section):
     """What is written down of the motion."""
 
-    traces: tuple[Trace, ...] | None = quantity(
-        None, "", "what is recorded; left out: the first pendulum and the successive differences"
-    )
-    sampling_rate: Rational = quantity(
-        _DEFAULT_RATE, "Hz", "readings a second of the chronometer: a number or an exact ratio such as '25/3'"
-    )
+    traces: tuple[Trace, ...] | None = quantity(None, "", "left out: the first pendulum and successive differences")
+    sampling_rate: Rational = quantity(_DEFAULT_RATE, "Hz", "samples a second of the chronometer, or a ratio as '25/3'")
     marks: Switch = quantity(False, "", "readings at the time marks only, one every mark_interval")
     mark_interval: Rational = quantity(_DEFAULT_MARKS, "s", "time between marks, if marks = true")
-    jitter: Number = quantity(
-        0.0,
-        "s",
-        "1 sigma by which readings are off their even times; the record carries the true times",
-        ge=0,
-        le=10,
-    )
+    jitter: Number = quantity(0.0, "s", "1 sigma of the sampling instants, which the record states", ge=0, le=10)
     drop_fraction: Number = quantity(0.0, "1", "part of the readings that are absent, time and all", ge=0, le=0.95)
-    noise: Number = quantity(0.0, "rad", "1 sigma of white reading noise, independent in each trace", ge=0, le=1)
-    quantisation: Number = quantity(0.0, "rad", "step to which readings are rounded; 0: not rounded", ge=0, le=1)
+    noise: Number = quantity(0.0, "rad", "1 sigma of white noise, independent in each trace", ge=0, le=1)
+    quantisation: Number = quantity(0.0, "rad", "step to which samples are rounded; 0: not rounded", ge=0, le=1)
     gap_interval: Number = quantity(60.0, "s", "time between the marks that blot out the trace", gt=0, le=1e6)
     mark_gap: Number = quantity(0.0, "s", "time lost at every such mark, from the mark on", ge=0, le=1e5)
     missing: tuple[Stretch, ...] = quantity((), "", "stretches without readings, as {start, stop}")
-    missing_samples: Count = quantity(
-        0, "1", "number of single readings missing at random, in each trace", ge=0, le=100_000_000
-    )
-    outliers: Count = quantity(0, "1", "number of false readings at random, in each trace", ge=0, le=100_000_000)
-    outlier_amplitude: Number = quantity(
-        0.0, "rad", "size of the error of a false reading; its sign is random", ge=0, le=10
-    )
+    missing_samples: Count = quantity(0, "1", "samples missing at random, in each trace", ge=0, le=100_000_000)
+    outliers: Count = quantity(0, "1", "number of outliers at random, in each trace", ge=0, le=100_000_000)
+    outlier_amplitude: Number = quantity(0.0, "rad", "size of the error of an outlier; its sign is random", ge=0, le=10)
     chronometer_rate: Number = quantity(
-        0.0, "s day-1", "rate r of the chronometer, losing positive: true time = its time * (1 + r/86400)",
-        ge=-1000, le=1000,
-    )  # fmt: skip
+        0.0, "s day-1", "rate r: true time = its time * (1 + r/86400)", ge=-1000, le=1000
+    )
     errors: tuple[TraceErrors, ...] = quantity((), "", "errors of single traces, or of all; they follow each other")
-    clock_steps: tuple[Step, ...] = quantity(
-        (), "", "steps of the record's time against the true one, as {time, size} in s"
-    )
+    clock_steps: tuple[Step, ...] = quantity((), "", "steps of the record's time, as {time, size} in s")
     wow: Wow | None = quantity(None, "", "a periodic error of the record's time")
-    record_uncertainty: Switch | None = quantity(
-        None, "", "whether the record states its reading noise; left out: when there is any"
-    )
-    horizontal_acceleration: Switch | Accelerometer = quantity(
-        False, "", "whether the record carries the horizontal acceleration of the support; or its errors"
-    )
-    vertical_acceleration: Switch | Accelerometer = quantity(
-        False, "", "whether the record carries the vertical acceleration of the support; or its errors"
-    )
+    record_uncertainty: Switch | None = quantity(None, "", "whether its noise is stated; left out: if there is any")
+    horizontal_acceleration: Switch | Accelerometer = quantity(False, "", "whether it is recorded; or its errors")
+    vertical_acceleration: Switch | Accelerometer = quantity(False, "", "whether it is recorded; or its errors")
     write_damping: Switch = quantity(True, "", "whether the record states the damping rates")
     write_restoring: Switch = quantity(True, "", "whether the record states the restoring law")
 
@@ -120,6 +140,3 @@ class Recording(Section):
     def step(self) -> Fraction:
         """Time between readings, s, by the chronometer."""
         return self.mark_interval if self.marks else 1 / self.sampling_rate
-
-
-Seed = Annotated[int, Field(strict=True, ge=0, lt=2**63)]

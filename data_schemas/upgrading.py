@@ -11,14 +11,10 @@ from .contents import Contents, Entry, key, shown
 from .errors import FileError
 from .layouts import LAYOUTS
 
+PACKING = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 _UNITS = {
-    "nanoseconds": 1e-9,
-    "microseconds": 1e-6,
-    "milliseconds": 1e-3,
-    "minutes": 60.0,
-    "hours": 3600.0,
-    "days": 86400.0,
-}
+    "nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "minutes": 60.0, "hours": 3600.0, "days": 86400.0,
+}  # fmt: skip
 _SINCE = re.compile(r"(\w+) since (.+)")
 
 
@@ -35,20 +31,13 @@ def current(contents: Contents) -> Contents:
                 variables["estimator"] = variables.pop("method")
     for group in contents.values():
         for entry in group.variables.values():
-            _in_seconds(entry)
+            since = _SINCE.fullmatch(str(entry.attrs.get("units", "")))
+            if since is not None and since[1] in _UNITS and entry.values.dtype.kind in "iuf":
+                entry.values = entry.values * _UNITS[since[1]]
+                entry.attrs["units"] = f"seconds since {since[2]}"
+            elif since is not None and entry.values.dtype.kind in "iu":
+                entry.values = entry.values.astype(np.float64)
     return contents
-
-
-def _in_seconds(entry: Entry) -> None:
-    found = _SINCE.fullmatch(str(entry.attrs.get("units", "")))
-    if found is not None and found[1] in _UNITS and entry.values.dtype.kind in "iuf":
-        entry.values = entry.values * _UNITS[found[1]]
-        entry.attrs["units"] = f"seconds since {found[2]}"
-    elif found is not None and entry.values.dtype.kind in "iu":
-        entry.values = entry.values.astype(np.float64)
-
-
-PACKING = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
 
 def unpacked(contents: Contents) -> Contents:
@@ -63,27 +52,25 @@ def unpacked(contents: Contents) -> Contents:
     """
     for path, group in contents.items():
         for name, entry in group.variables.items():
-            if any(attribute in entry.attrs for attribute in PACKING):
-                _unpack(entry, key(path, name))
+            packing = {one: entry.attrs.pop(one) for one in PACKING if one in entry.attrs}
+            if packing and entry.values.dtype.kind != "U":
+                where = key(path, name)
+                _unpack(entry, {one: _number(value, f"{where}, attribute {one}") for one, value in packing.items()})
     return contents
 
 
-def _unpack(entry: Entry, where: str) -> None:
-    found = {name: entry.attrs.pop(name) for name in PACKING if name in entry.attrs}
+def _unpack(entry: Entry, packing: dict[str, Any]) -> None:
     stored = entry.values
-    if stored.dtype.kind == "U":
-        return
-    numbers = {name: _number(value, f"{where}, attribute {name}") for name, value in found.items()}
-    packed = "scale_factor" in numbers or "add_offset" in numbers
+    packed = "scale_factor" in packing or "add_offset" in packing
     if stored.dtype.kind != "f" and not packed:
         return
     values = stored.astype(np.float64) if packed else stored.copy()
     if packed:
-        values *= numbers.get("scale_factor", 1.0)
-        values += numbers.get("add_offset", 0.0)
+        values *= packing.get("scale_factor", 1.0)
+        values += packing.get("add_offset", 0.0)
     for name in ("_FillValue", "missing_value"):
-        if name in numbers:
-            values[stored == numbers[name]] = np.nan
+        if name in packing:
+            values[stored == packing[name]] = np.nan
     entry.values = values
 
 

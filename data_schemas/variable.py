@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 Limit = Literal["positive", "not negative"]
 
 
@@ -19,8 +21,8 @@ class Variable:
     dtype: str
     """Number type in memory and on disk; "str" is variable-length UTF-8."""
     units: str
-    long_name: str
     """As attached to the variable; "1" for counts, labels and ratios."""
+    long_name: str
     standard_name: str | None = None
     """Only where the CF table has a name that means exactly this."""
     required: bool = False
@@ -33,6 +35,35 @@ class Variable:
     """What physics allows."""
     missing: bool = False
     """Whether NaN (a missing value) is allowed. Infinite values never are."""
+
+
+def f8(dims: str, units: str, long_name: str, rules: str = "", *, also: str | None = None, **more: Any) -> Variable:
+    """Row of a number: dimensions apart by blanks; of the rules "required", "missing", "positive", "nonnegative"."""
+    return _row("f8", dims, units, long_name, rules, also=() if also is None else (tuple(also.split()),), **more)
+
+
+def text(dims: str, long_name: str, rules: str = "") -> Variable:
+    """Row of labels or words."""
+    return _row("str", dims, "1", long_name, rules)
+
+
+def u1(dims: str, long_name: str, rules: str = "") -> Variable:
+    """Row of codes."""
+    return _row("u1", dims, "1", long_name, rules)
+
+
+def u2(dims: str, long_name: str, flags: Mapping[str, int]) -> Variable:
+    """Row of quality flags: ``flag_masks`` and ``flag_meanings``, the masks of the variable's own type (CF 3.5)."""
+    masks = np.array(list(flags.values()), dtype=np.uint16)
+    return _row("u2", dims, "1", long_name, attrs={"flag_masks": masks, "flag_meanings": " ".join(flags)})
+
+
+def _row(dtype: str, dims: str, units: str, long_name: str, rules: str = "", **more: Any) -> Variable:
+    words = set(rules.split())
+    limit: Limit | None = "positive" if "positive" in words else "not negative" if "nonnegative" in words else None
+    required, missing = "required" in words, "missing" in words
+    own = tuple(dims.split())
+    return Variable(own, dtype, units, long_name, required=required, limit=limit, missing=missing, **more)
 
 
 _SPELLINGS = {

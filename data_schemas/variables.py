@@ -13,66 +13,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .variable import Variable
-from .variables_record import FILM, INSTRUMENT, RECORD
-from .variables_result import (
-    CORRECTION,
-    COURSE,
-    DIFFERENCE,
-    GRAVITY,
-    PENDULUMS,
-    PERIOD,
-    PHASES,
-    SHIP,
-    SPECTRUM,
-    SYNCHRONY,
-)
-from .variables_summary import SUMMARY
-from .variables_truth import MARKS, SLICES, TRUTH
+from . import variables_record, variables_result, variables_truth
+from .variable import Variable, f8
 
-__all__ = ["VARIABLES", "Variable", "attributes", "dataset"]
+__all__ = ["VARIABLES", "Variable", "add_constant", "attributes", "dataset", "rows_of"]
 
 if TYPE_CHECKING:
     import xarray as xr
 
-TIME = Variable(
-    ("time",),
-    "f8",
-    "seconds since 2000-01-01T00:00:00Z",
-    "time of the sample, from the start of the record",
-    standard_name="time",
-    required=True,
-    attrs={"calendar": "standard", "axis": "T"},
-)
-
-_GROUPS: Mapping[str, Mapping[str, Variable]] = {
-    "record": RECORD,
-    "instrument": INSTRUMENT,
-    "film": FILM,
-    "truth": TRUTH,
-    "slices": SLICES,
-    "marks": MARKS,
-    "phases": PHASES,
-    "correction": CORRECTION,
-    "gravity": GRAVITY,
-    "course": COURSE,
-    "ship": SHIP,
-    "difference": DIFFERENCE,
-    "spectrum": SPECTRUM,
-    "pendulums": PENDULUMS,
-    "period": PERIOD,
-    "synchrony": SYNCHRONY,
-    "summary": SUMMARY,
+_TIME = f8(
+    "time", "seconds since 2000-01-01T00:00:00Z", "time of the sample, from the start of the record", "required",
+    standard_name="time", attrs={"calendar": "standard", "axis": "T"},
+)  # fmt: skip
+_GROUPS: dict[str, dict[str, Variable]] = {"": {"time": _TIME}} | {
+    group: dict(rows)
+    for table in (variables_record, variables_truth, variables_result)
+    for group, rows in table.GROUPS.items()
 }
-
-_ROWS = {"time": TIME} | {f"{group}/{name}": row for group, rows in _GROUPS.items() for name, row in rows.items()}
+_ROWS = {f"{group}/{name}".lstrip("/"): row for group, rows in _GROUPS.items() for name, row in rows.items()}
 VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
+
+
+def rows_of(group: str) -> Mapping[str, Variable]:
+    """Rows of a group, or of the root, by the name within it."""
+    return _GROUPS.get(group, {})
 
 
 def add_constant(name: str, units: str, long_name: str) -> None:
     """Add a number of /instrument, and its standard deviation, to the table: a correction of one's own may need it."""
-    for suffix, meaning in (("", long_name), ("_uncertainty", f"standard deviation of {name}")):
-        _ROWS.setdefault(f"instrument/{name}{suffix}", Variable((), "f8", units, meaning))
+    for own, meaning in ((name, long_name), (f"{name}_uncertainty", f"standard deviation of {name}")):
+        row = _ROWS.setdefault(f"instrument/{own}", f8("", units, meaning))
+        _GROUPS["instrument"].setdefault(own, row)
 
 
 def attributes(key: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,48 +45,41 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type
         or name that no file can hold. Nothing is left behind, and an older file stays as it was.
     """
+    with _placed(path, overwrite, owner) as temporary:
+        try:
+            contents = from_tree(tree)
+            contents[""].attrs.pop(ATTRIBUTE, None)
+            contents[""].attrs[ATTRIBUTE] = digest(contents)
+            image = encoded(contents)
+        except FileError as error:
+            raise FileError(f"{shown(path, 400)}: {error}") from None
+        _flushed(temporary, image)
+        with open(temporary, "rb") as file:
+            for begin in range(0, len(image) + 1, _BLOCK):
+                if file.read(_BLOCK) != image[begin : begin + _BLOCK]:
+                    cause = "was not written, the disk gives other bytes back; check the disk"
+                    raise FileError(f"{shown(path, 400)}: {cause}")
+
+
+def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
+    """Write a text file that is either whole or not there, UTF-8; raises as `write`."""
+    with _placed(path, overwrite, owner) as temporary:
+        _flushed(temporary, memoryview(text.encode()))
+
+
+@contextlib.contextmanager
+def _placed(path: str | os.PathLike[str], overwrite: bool, owner: str) -> Iterator[Path]:
+    """A temporary path beside that of a file: it gets the file's name at the end, or is removed after a fault."""
     target = place_of(path)
-    try:
-        may_write(target, path, overwrite)
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-    try:
-        contents = from_tree(tree)
-        contents[""].attrs.pop(ATTRIBUTE, None)
-        contents[""].attrs[ATTRIBUTE] = digest(contents)
-        image = encoded(contents)
-    except FileError as error:
-        raise FileError(f"{shown(path, 400)}: {error}") from None
     temporary = beside(target, owner)
     try:
-        _flushed(temporary, image)
-        _verified(temporary, image, path)
+        may_write(target, path, overwrite)
+        yield temporary
         give_name(temporary, target, path, overwrite)
     except OSError as error:
         raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
     finally:
         # gone already when it was renamed; a folder that went away took it along
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-
-
-def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
-    """Write a text file that is either whole or not there; UTF-8.
-
-    Raises
-    ------
-    FileError
-        As `write`.
-    """
-    target = place_of(path)
-    temporary = beside(target, owner)
-    try:
-        may_write(target, path, overwrite)
-        _flushed(temporary, memoryview(text.encode()))
-        give_name(temporary, target, path, overwrite)
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-    finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
 
@@ -133,14 +127,6 @@ def _flushed(temporary: Path, image: memoryview) -> None:
         os.fsync(file.fileno())
 
 
-def _verified(temporary: Path, image: memoryview, path: str | os.PathLike[str]) -> None:
-    """Compare the file on the disk with what was meant, which passed the guard."""
-    with open(temporary, "rb") as file:
-        for begin in range(0, len(image) + 1, _BLOCK):
-            if file.read(_BLOCK) != image[begin : begin + _BLOCK]:
-                raise FileError(f"{shown(path, 400)}: was not written, the disk gives other bytes back; check the disk")
-
-
 def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
     """Give a file its name in one step, and make the folder remember it.
 
@@ -164,13 +150,7 @@ def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overw
 
 
 def sync_folder(folder: Path) -> None:
-    """Make a folder remember the names in it, also through a power cut.
-
-    Raises
-    ------
-    OSError
-        The file system fails.
-    """
+    """Make a folder remember the names in it, also through a power cut; `OSError` where the file system fails."""
     if os.name == "posix":
         descriptor = os.open(folder, os.O_RDONLY)
         try:

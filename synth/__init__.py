@@ -17,26 +17,20 @@ if TYPE_CHECKING:
     from synth.film.exposing import expose as expose
     from synth.film.exposing import expose_to as expose_to
     from synth.film.exposing import film_truth_path as film_truth_path
-    from synth.film.named import films as films
-    from synth.film.named import load_film as load_film
+    from synth.shipped import films as films
+    from synth.shipped import load_film as load_film
     from synth.shipped import scene_path as scene_path
     from synth.shipped import scenes as scenes
     from synth.streaming import simulate as simulate
     from synth.streaming import simulate_to as simulate_to
 
-_HOMES = {
-    "expose": "synth.film.exposing",
-    "expose_to": "synth.film.exposing",
-    "film_truth_path": "synth.film.exposing",
-    "films": "synth.film.named",
-    "load_film": "synth.film.named",
-    "simulate": "synth.streaming",
-    "simulate_to": "synth.streaming",
-    "simulate_ensemble": "synth.ensemble",
-    "write_ensemble": "synth.ensemble",
-    "scenes": "synth.shipped",
-    "scene_path": "synth.shipped",
+_MODULES = {
+    "ensemble": ("simulate_ensemble", "write_ensemble"),
+    "film.exposing": ("expose", "expose_to", "film_truth_path"),
+    "shipped": ("films", "load_film", "scene_path", "scenes"),
+    "streaming": ("simulate", "simulate_to"),
 }
+_HOMES = {name: f"synth.{module}" for module, names in _MODULES.items() for name in names}
 
 __all__ = sorted(_HOMES)
 

@@ -13,19 +13,17 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity
-from data_schemas.scene_pendulum import FreeStart, ImpulseEscapement, Pendulum, VanDerPolEscapement
-from data_schemas.scene_simulation import Propagator
-from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
+from data_schemas.scene import Propagator, Scene
+from data_schemas.scene_conditions import felt_gravity
+from data_schemas.scene_pendulum import BeamSupport, BoardSupport, FrameSupport, FreeStart, ImpulseEscapement, Pendulum
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
-from synth.systems.driven_pendulums import Linear, Sine
+from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
 from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.resistance import VanDerPolDrive, resistances
-from synth.systems.terms import Impulses, together
+from synth.systems.resistance import terms_of
+from synth.systems.terms import Impulses
 
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
@@ -47,17 +45,9 @@ class Assembly:
     """Displacement of a rolling board by the sum of the sines, m."""
 
     def rows(self, states: Floats) -> Floats:
-        """Angles of the pendulums, and below them the displacement of a support that yields.
+        """Angles of the pendulums, (pendulums, k) rad, and below them the displacement of a support that yields, m.
 
-        Parameters
-        ----------
-        states : (k, n) float64
-            In the system's own units.
-
-        Returns
-        -------
-        (pendulums or pendulums + 1, k) float64
-            rad, and m
+        The states are (k, n), in the system's own units.
         """
         if self.units is not None:
             states = states * self.units
@@ -73,88 +63,51 @@ def assemble(
     frequencies: Sequence[float],
     motion: HarmonicSum,
     vertical: HarmonicSum,
-    kicks: Kicks | None = None,
-    end: float = 0.0,
+    kicks: Kicks | None,
+    end: float,
 ) -> Assembly:
-    """Build the equations of a scene.
+    """Build the equations of a scene, until `end`, s; `RefusedError` if the reduced beam cannot hold the clocks.
 
-    `RefusedError` if the reduced beam cannot hold the clocks.
-
-    Parameters
-    ----------
-    scene
-        What is to move.
-    frequencies : (pendulums,)
-        At infinitesimal arc on a rigid support, rad/s.
-    motion, vertical : HarmonicSum
-        Horizontal and vertical acceleration of the ship.
-    kicks : Kicks or None
-        Random impulses of pendulums on a fixed support.
-    end : float
-        Until when they are wanted, s.
+    The frequencies are those at infinitesimal arc on a rigid support, rad/s; motion and vertical the horizontal and
+    vertical acceleration of the ship; the kicks random impulses of pendulums on a fixed support.
     """
-    pendulums = scene.pendulums
-    terms = _terms(pendulums)
-    sideways, upwards = _harmonics(motion), _harmonics(vertical)
-    own = np.array(frequencies)
-    gravity = felt_gravity(scene)
+    pendulums, support, gravity = scene.pendulums, scene.support, felt_gravity(scene)
+    terms, sideways, upwards = terms_of(pendulums), _harmonics(motion), _harmonics(vertical)
+    own, even = np.array(frequencies), np.ones(len(frequencies))
     swing = np.array([_start(each, n, motion, gravity) for each, n in zip(pendulums, frequencies, strict=True)]).ravel()
-    support = scene.support
     if isinstance(support, BoardSupport):
         from synth.systems.metronomes import Metronomes
 
         system: Any = Metronomes(own, support.coupling, terms, scene.gravity, upwards)
         lever = -support.coupling * float(np.mean(scene.gravity / own**2))
-        return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)), board=lever)
+        return Assembly(system, swing, _kicks(system, pendulums, even), board=lever)
     if not isinstance(support, BeamSupport | FrameSupport):
-        from synth.systems.driven_pendulums import DrivenPendulums
-
         law = Sine() if scene.restoring == "sine" else Linear()
-        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms, _impulses(kicks, own, end))
-        return Assembly(system, swing, _kicks(system, pendulums, np.ones(own.size)))
+        impulses = None if kicks is None else _impulses(kicks, own, end)
+        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms, impulses)
+        return Assembly(system, swing, _kicks(system, pendulums, even))
+    from synth.systems.yielding import ElasticBeam, FlexibleFrame
+
     masses = np.array([float(each.mass or 0.0) for each in pendulums])
     lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
     start = np.concatenate([[support.displacement, support.velocity], swing])
-    if isinstance(support, FrameSupport):
-        from synth.systems.yielding import FlexibleFrame
-
-        resistance = support.resistance
-        system = FlexibleFrame(
-            support.mass, masses, lengths, support.stiffness, resistance, scene.gravity, terms, sideways, upwards
-        )
-        return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
-    from synth.systems.yielding import ElasticBeam
-
-    damping = support.damping_rate
-    system = ElasticBeam(
-        support.mass, masses, lengths, support.stiffness, damping, scene.gravity, terms, sideways, upwards
+    kind, loss = (
+        (FlexibleFrame, support.resistance)
+        if isinstance(support, FrameSupport)
+        else (ElasticBeam, support.damping_rate)
     )
-    if support.equations == "full":
+    system = kind(support.mass, masses, lengths, support.stiffness, loss, scene.gravity, terms, sideways, upwards)
+    if isinstance(support, FrameSupport) or support.equations == "full":
         return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
     from synth.systems.reduced_beam import reduced
 
-    made = reduced(system)
-    units = made.physical(np.ones(start.size))
-    return Assembly(made.system, start / units, None, made.time_scale, units)
+    reduction = reduced(system)
+    return Assembly(reduction.system, start / reduction.units, None, reduction.time_scale, reduction.units)
 
 
-def _terms(pendulums: Sequence[Pendulum]) -> Any:
-    """What resists or drives, only what some pendulum has."""
-    drives = [each.escapement if isinstance(each.escapement, VanDerPolEscapement) else None for each in pendulums]
-    # one without the drive that another has: nothing of it, at any angle
-    rows = [(each.rate, each.angle) if each else (0.0, 1.0) for each in drives]
-    return together(*resistances(pendulums), VanDerPolDrive(*_columns(rows)) if any(drives) else None)
-
-
-def _impulses(kicks: Kicks | None, own: Floats, end: float) -> Impulses | None:
-    if kicks is None:
-        return None
+def _impulses(kicks: Kicks, own: Floats, end: float) -> Impulses:
     kept, angles, rates = (np.ascontiguousarray(each.T) for each in kicks.changes(0, int(end / kicks.step)))
     return Impulses(float(kicks.step), kept, angles, rates * own)
-
-
-def _columns(rows: list[tuple[float, float]]) -> Floats:
-    return np.ascontiguousarray(np.array(rows).T)
 
 
 def _harmonics(motion: HarmonicSum) -> Harmonics | None:
@@ -197,29 +150,10 @@ _MODULES: dict[Propagator, str] = {
 def integrated(
     assembly: Assembly, propagators: Sequence[Propagator], seconds: Floats, tolerance: float
 ) -> tuple[Floats, float, Propagator]:
-    """Integrate by the first of the propagators that does not refuse.
+    """Integrate by the first of the propagators that does not refuse; `RefusedError` with every reason if all do.
 
-    `RefusedError` if all refuse; the message holds every reason.
-
-    Parameters
-    ----------
-    assembly
-        What moves.
-    propagators
-        In the order to be tried.
-    seconds : (k,)
-        The moments, increasing, none before t = 0, s.
-    tolerance : float
-        Error wanted, relative.
-
-    Returns
-    -------
-    rows : (pendulums or pendulums + 1, k) float64
-        As `Assembly.rows` gives them.
-    estimated_error : float
-        Of the worst component, relative to its largest size.
-    propagator : str
-        Who did it.
+    Moments are increasing, none before t = 0, s; the tolerance is the relative error wanted. Returned are
+    `Assembly.rows`, the estimated error of the worst component over its largest size, and the propagator.
     """
     times = seconds * assembly.time_scale
     begins = int(times[0] > 0.0)  # states are wanted from t = 0 on
@@ -229,9 +163,9 @@ def integrated(
     for name in propagators:
         integrate = import_module(_MODULES[name]).integrate  # one, and no other
         try:
-            found = integrate(assembly.system, assembly.start, instants, tolerance=tolerance, **event)
+            solution = integrate(assembly.system, assembly.start, instants, tolerance=tolerance, **event)
         except RefusedError as refusal:
             reasons.append(str(refusal))
         else:
-            return assembly.rows(found.states[begins:]), found.estimated_error, name
+            return assembly.rows(solution.states[begins:]), solution.estimated_error, name
     raise RefusedError("; ".join(reasons))

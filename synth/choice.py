@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from data_schemas.errors import SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_checks import frequency
+from data_schemas.scene import Propagator, Scene
+from data_schemas.scene_conditions import frequency
 from data_schemas.scene_pendulum import RESISTANCES, Pendulum
-from data_schemas.scene_simulation import Propagator
 
 LINEAR, SINE = "the linear law", "the sine law"
 OVERDAMPED = "overdamping"
@@ -66,8 +66,9 @@ def needs(scene: Scene) -> tuple[str, ...]:
 
 def _own_terms(pendulum: Pendulum) -> list[str]:
     """What resists its swing beside viscous damping; any field that nothing looks after is a term too."""
-    fields = {name: field for name, field in type(pendulum).model_fields.items() if name not in _LOOKED_AFTER}
-    return [RESISTANCES.get(name, name) for name, field in fields.items() if getattr(pendulum, name) != field.default]
+    fields = type(pendulum).model_fields.items()
+    given = (name for name, field in fields if getattr(pendulum, name) != field.default)
+    return [RESISTANCES.get(name, name) for name in given if name not in _LOOKED_AFTER]
 
 
 def _support(scene: Scene) -> str:
@@ -76,33 +77,31 @@ def _support(scene: Scene) -> str:
     return _SUPPORTS[scene.support.kind]
 
 
-NAMES: dict[Propagator, str] = {
-    "closed-form": "closed form",
-    "picard": "Picard collocation",
-    "beam-collocation": "beam collocation",
-    "explicit": "explicit, order 8",
-    "radau": "Radau IIA, orders 5 to 13",
-}
-"""Propagators by their names in a scene, and as the truth calls them."""
-
 _KINKED = {*RESISTANCES.values()}
 _SMOOTH = {LINEAR, SINE, OVERDAMPED, VERTICAL, VAN_DER_POL, UNEVEN, CHANGING} | _KINKED
 _YIELDING = {BEAM, REDUCED_BEAM, FRAME, BOARD}
-_KNOWN: dict[Propagator, frozenset[str]] = {
-    "closed-form": frozenset({FIXED, LINEAR, UNEVEN, PLANES}),
-    "picard": frozenset({FIXED, LINEAR, SINE, VERTICAL, UNEVEN, KICKS, HANDLING, CHANGING, PLANES}),
-    "beam-collocation": frozenset({LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
-    "explicit": frozenset(_SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS, HANDLING}),
-    "radau": frozenset(_SMOOTH | _YIELDING | {FIXED}),
+
+
+class _Kind(NamedTuple):
+    """Name of a propagator in the truth; usual error of an hour, of the largest angle; terms that it knows."""
+
+    name: str
+    reached: float
+    known: set[str]
+
+
+_KINDS: dict[Propagator, _Kind] = {
+    "closed-form": _Kind("closed form", 1e-15, {FIXED, LINEAR, UNEVEN, PLANES}),
+    "picard": _Kind(
+        "Picard collocation", 1e-14, {FIXED, LINEAR, SINE, VERTICAL, UNEVEN, KICKS, HANDLING, CHANGING, PLANES}
+    ),
+    "beam-collocation": _Kind("beam collocation", 1e-13, {LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
+    "explicit": _Kind("explicit, order 8", 1e-13, _SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS, HANDLING}),
+    "radau": _Kind("Radau IIA, orders 5 to 13", 1e-12, _SMOOTH | _YIELDING | {FIXED}),
 }
-_REACHED: dict[Propagator, float] = {
-    "closed-form": 1e-15,
-    "picard": 1e-14,
-    "beam-collocation": 1e-13,
-    "explicit": 1e-13,
-    "radau": 1e-12,
-}
-"""Usual error of an hour without a tolerance, of the largest angle."""
+NAMES = {key: kind.name for key, kind in _KINDS.items()}
+"""Propagators by their names in a scene, and as the truth calls them."""
+
 _SMOOTH_AIM, _KINKED_AIM = 1e-13, 1e-11  # a kink in the forces costs ever more steps the less error is allowed
 _STIFF = 100.0  # rates of the equations above the fastest swing from which Radau's few costly steps are the cheaper
 
@@ -125,74 +124,53 @@ class Choice:
         """Whether it is one of the integrators of `synth.integrators`."""
         return self.propagator not in ("closed-form", "picard")
 
+    def expected_error(self, tolerance: float | None) -> float:
+        """Usual error, of the largest angle; the truth says the one that was estimated."""
+        usual = _KINDS[self.propagator].reached
+        return max(usual, self.aim if tolerance is None else tolerance) if self.integrates else usual
 
-def chosen_at_sight(named: Propagator, asked: Sequence[str]) -> Choice | None:
-    """Choose by what a scene asks for; None where its rates must be looked at.
 
-    `SceneError` if the scene names a propagator that cannot do it.
+def choose(named: Propagator, asked: Sequence[str], fastest: Callable[[], float]) -> Choice:
+    """Choose by what a scene asks for, and where that does not decide by the fastest rate of its equations over that of
+    the swing.
+
+    `SceneError` if the scene names a propagator that cannot do it, or none can.
     """
-    unknown = [name for name in asked if not any(name in known for known in _KNOWN.values())]
+    unknown = [name for name in asked if not any(name in kind.known for kind in _KINDS.values())]
     if unknown:
         raise SceneError(f"pendulums: no propagator knows {listed(unknown)}")
+    aim = _SMOOTH_AIM if _KINKED.isdisjoint(asked) else _KINKED_AIM
+    able = [key for key, kind in _KINDS.items() if kind.known.issuperset(asked)]
     if named != "auto":
-        return _insisted(named, asked)
-    if _can("closed-form", asked):
+        if named in able:
+            return Choice(named, "the scene names it", aim=aim)
+        lacking = [name for name in asked if name not in _KINDS[named].known]
+        others = " or ".join(repr(key) for key in [*able, "auto"])
+        raise SceneError(f"simulation.propagator = {named!r} does not know {listed(lacking)}; choose {others}")
+    if "closed-form" in able:
         return Choice("closed-form", "linear pendulums on a fixed support have a solution in closed form")
     at_set_times = [name for name in (KICKS, HANDLING) if name in asked]
-    if _can("picard", asked):
+    if "picard" in able:
         more = [*at_set_times, *({CHANGING} & {*asked})]
         what = "real pendulums" if SINE in asked else f"linear pendulums with {listed(more)}"
+        why = f"{what} on a fixed support: the exact linear motion, and a small remainder"
         instead: tuple[Propagator, ...] = ("explicit",) if at_set_times else ("explicit", "radau")
-        return Choice(
-            "picard",
-            f"{what} on a fixed support: the exact linear motion, and a small remainder",
-            () if PLANES in asked else instead,
-        )
+        return Choice("picard", why, () if PLANES in asked else instead)
     if PLANES in asked:
         raise SceneError(f"pendulums.plane: no propagator knows {PLANES} beside resistance other than viscous")
     if at_set_times:
         why = f"{listed(at_set_times)} come at set times, to which this propagator steps"
-        return Choice("explicit", why, aim=_aim(asked))
+        return Choice("explicit", why, aim=aim)
     if IMPULSE in asked:
-        why = "an impulse escapement kicks at instants that this propagator locates"
-        return Choice("explicit", why, aim=_aim(asked))
-    return None
-
-
-def chosen_by_rates(asked: Sequence[str], fastest_rate: float, fastest_swing: float) -> Choice:
-    """Choose between integrators by how fast the equations can change beside the swing, both in 1/s."""
-    ratio = fastest_rate / fastest_swing
+        return Choice("explicit", "an impulse escapement kicks at instants that this propagator locates", aim=aim)
+    ratio = fastest()
     cause = listed([name for name in asked if name not in (LINEAR, SINE, FIXED, UNEVEN)])
     rates = f"the fastest rate is {ratio:.3g} times the swing's"
     if ratio > _STIFF:
-        return Choice("radau", f"{cause}: stiff, {rates}", ("explicit",), _aim(asked))
-    if _can("beam-collocation", asked):
-        why = f"{cause}: smooth and not stiff, {rates}"
-        return Choice("beam-collocation", why, ("explicit", "radau"), _aim(asked))
-    return Choice("explicit", f"{cause}: not stiff, {rates}", ("radau",), _aim(asked))
-
-
-def expected_error(choice: Choice, tolerance: float | None) -> float:
-    """Usual error of a propagator, of the largest angle; the truth tells the one that was estimated."""
-    usual = _REACHED[choice.propagator]
-    return max(usual, choice.aim if tolerance is None else tolerance) if choice.integrates else usual
-
-
-def _aim(asked: Sequence[str]) -> float:
-    return _SMOOTH_AIM if _KINKED.isdisjoint(asked) else _KINKED_AIM
-
-
-def _insisted(named: Propagator, asked: Sequence[str]) -> Choice:
-    if _can(named, asked):
-        return Choice(named, "the scene names it", aim=_aim(asked))
-    able = [f"'{name}'" for name in _KNOWN if _can(name, asked)]
-    lacking = [name for name in asked if name not in _KNOWN[named]]
-    choose = " or ".join([*able, repr("auto")])
-    raise SceneError(f"simulation.propagator = {named!r} does not know {listed(lacking)}; choose {choose}")
-
-
-def _can(name: Propagator, asked: Sequence[str]) -> bool:
-    return _KNOWN[name].issuperset(asked)
+        return Choice("radau", f"{cause}: stiff, {rates}", ("explicit",), aim)
+    if "beam-collocation" in able:
+        return Choice("beam-collocation", f"{cause}: smooth and not stiff, {rates}", ("explicit", "radau"), aim)
+    return Choice("explicit", f"{cause}: not stiff, {rates}", ("radau",), aim)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -1,27 +1,155 @@
-"""Many members of one scene, in order: in memory and lazily, or straight to files, where an interrupted run goes on."""
+"""Many members of one scene, in order: in memory and lazily, or straight to files, where an interrupted run goes on.
+
+A member depends on the ensemble's seed and its own number only: not on how many members there are, in which order or by
+how many processes they are made. Each varied key draws from a generator of its own, so that a further one changes no
+other.
+"""
 
 from __future__ import annotations
 
 import csv
+import difflib
 import io
+import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from data_schemas.contents import Contents, shown, to_tree
-from data_schemas.errors import FileError, UsageError
+import numpy as np
+from pydantic import ValidationError
+
+from data_schemas.contents import shown, to_tree
+from data_schemas.errors import FileError, SceneError, UsageError
+from data_schemas.reading import skim
 from data_schemas.scene import Scene
-from data_schemas.slabs import skim
+from data_schemas.scene_fields import one_line
 from data_schemas.writing import write_text
-from synth.ensemble_scenes import Vary, value
-from synth.ensemble_scenes import members as scenes_of
 from synth.recording.observe import history
+from synth.seeds import generator
 from synth.streaming import simulate_to, simulated
 from synth.workers import in_order
 
 if TYPE_CHECKING:
     import xarray as xr
+
+Range = tuple[float, float]
+Vary = Mapping[str, Range | Callable[[np.random.Generator], Any]]
+"""What varies: keys of a scene by dotted path, such as ``pendulums.0.start.phase``, lists counted from 0. A pair is
+drawn from evenly (ends included for whole numbers); a callable is given a generator of random numbers."""
+
+_OWN = ("seed", "record_id")  # every member has its own anyway
+
+
+def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | None = None) -> Iterator[Scene]:
+    """Scenes of the members 1 to `count`; their `record_id` ends with the member's number, such as ``-0001``.
+
+    The seed is that of the ensemble, the scene's own if left out. `SceneError` if a key or range cannot be meant, at
+    once; if a member's values are not allowed, when it is reached.
+
+    Examples
+    --------
+    >>> from data_schemas.scene import load_scene
+    >>> from synth import scene_path
+    >>> linear = load_scene(scene_path("linear"))
+    >>> [one.record_id for one in member_scenes(linear, 2)]
+    ['linear-0001', 'linear-0002']
+    >>> one, two = member_scenes(linear, 2, vary={"pendulums.0.start.phase": (0.0, 6.28)})
+    >>> one.pendulums[0].start.phase != two.pendulums[0].start.phase
+    True
+    """
+    if count < 1:
+        raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
+    given = scene.model_dump()
+    for key, how in (vary or {}).items():
+        _checked(key, how, _place(given, key))
+    return (member(scene, number, seed=seed, vary=vary) for number in range(1, count + 1))
+
+
+def member(scene: Scene, number: int, *, seed: int | None = None, vary: Vary | None = None) -> Scene:
+    """Scene of one member, counted from 1; see `member_scenes`."""
+    whole = np.random.SeedSequence(scene.seed if seed is None else seed, spawn_key=(number,))
+    own = int(whole.generate_state(1, np.uint64)[0] >> np.uint64(1))
+    values = scene.model_dump() | {"seed": own, "record_id": f"{scene.record_id}-{number:04d}"}
+    for key, how in (vary or {}).items():
+        section, last = _place(values, key)
+        chance = generator(own, f"vary {key}")
+        section[last] = how(chance) if callable(how) else _drawn(chance, how, section[last])
+    try:
+        return Scene.model_validate(values)
+    except ValidationError as error:
+        raise SceneError(f"member {number}: {one_line(error, Scene)}") from None
+
+
+def value(scene: Scene, key: str) -> Any:
+    """Value of a scene's key by dotted path."""
+    section, last = _place(scene.model_dump(), key)
+    return section[last]
+
+
+def _place(values: dict[str, Any], key: str) -> tuple[Any, Any]:
+    """The section or list that holds a key, and its place there; lists are made changeable on the way.
+
+    `SceneError` if there is no such key.
+    """
+    section: Any = None
+    within: Any = values
+    place: Any = None
+    for word in key.split("."):
+        if isinstance(within, tuple):
+            within = section[place] = list(within)
+        section = within
+        if isinstance(section, dict) and word in section:
+            place = word
+        elif isinstance(section, list) and word.isascii() and word.isdigit() and int(word) < len(section):
+            place = int(word)
+        else:
+            raise SceneError(f"vary {key}: {_absent(word, section)}")
+        within = section[place]
+    return section, place
+
+
+def _absent(word: str, section: Any) -> str:
+    if isinstance(section, dict) and section:
+        near = difflib.get_close_matches(word, list(section), n=1, cutoff=0.0)
+        return f"there is no {word!r} in this scene; did you mean {near[0]!r}?"
+    if isinstance(section, list) and section:
+        return f"{word!r} is none of its parts, which are counted from 0 to {len(section) - 1}"
+    return f"there is nothing below it; leave {word!r} out, or give the scene what is to vary"
+
+
+def _checked(key: str, how: Range | Callable[..., Any], place: tuple[Any, Any]) -> None:
+    section, last = place
+    now = section[last]
+    if key in _OWN:
+        raise SceneError(f"vary {key}: every member has its own anyway; leave it out")
+    if callable(how):
+        return
+    if isinstance(now, bool | dict | list | tuple) or (isinstance(now, str) and _ratio(now) is None):
+        raise SceneError(f"vary {key}: is no number; name a key that holds one")
+    low, high = how
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise SceneError(f"vary {key}: the range {low:g} to {high:g} is empty; give the lower end first")
+    if isinstance(now, int) and not (float(low).is_integer() and float(high).is_integer()):
+        raise SceneError(f"vary {key}: takes whole numbers; give whole ends, not {low:g} and {high:g}")
+
+
+def _drawn(chance: np.random.Generator, how: Range, now: Any) -> float | int | Fraction:
+    low, high = how
+    if isinstance(now, int):
+        return int(chance.integers(int(low), int(high), endpoint=True))
+    drawn = float(chance.uniform(low, high))
+    # rates are ratios of whole numbers, and a double is one with too long a denominator
+    return Fraction(drawn).limit_denominator(10**9) if isinstance(now, str) else drawn
+
+
+def _ratio(text: str) -> Fraction | None:
+    """What a scene writes for a rate, such as 25 or 25/3."""
+    try:
+        return Fraction(text)
+    except (ValueError, ZeroDivisionError):
+        return None
 
 
 class Member(NamedTuple):
@@ -87,13 +215,8 @@ def simulate_ensemble(
     """
     if workers < 1:
         raise UsageError(f"workers = {workers}: give 1 or more")
-    return _made(scenes_of(scene, members, seed=seed, vary=vary), min(workers, members))
-
-
-def _made(scenes: Iterator[Scene], workers: int) -> Iterator[Member]:
-    made: Iterator[tuple[Contents, Contents]] = in_order(simulated, scenes, workers)
-    for number, (record, truth) in enumerate(made, start=1):
-        yield Member(number, to_tree(record), to_tree(truth))
+    pairs = in_order(simulated, member_scenes(scene, members, seed=seed, vary=vary), min(workers, members))
+    return (Member(number, to_tree(record), to_tree(truth)) for number, (record, truth) in enumerate(pairs, start=1))
 
 
 class Written(NamedTuple):
@@ -164,25 +287,24 @@ def write_ensemble(
         raise UsageError(f"workers = {workers}: give 1 or more")
     name = scene.record_id if name is None else name
     manifest = Path(folder) / f"{name}.ensemble.csv"
-    numbered = enumerate(scenes_of(scene, members, seed=seed, vary=vary), start=1)
     jobs = [
         _Job(one, *(Path(folder) / f"{name}-{number:04d}.{kind}.nc" for kind in ("record", "truth")))
-        for number, one in numbered
+        for number, one in enumerate(member_scenes(scene, members, seed=seed, vary=vary), start=1)
     ]
-    left = [job for job in jobs if overwrite or not _is_made(job)]
-    kept = len(jobs) - len(left)
-    made = in_order(_make, left, max(1, min(workers, len(left))))
-    for done, _ in enumerate(made, start=kept + 1):
-        if done == kept + 1:  # before the first is made there is nothing to tell of
+    missing = [job for job in jobs if overwrite or not _is_made(job)]
+    kept = len(jobs) - len(missing)
+    written = in_order(_write, missing, max(1, min(workers, len(missing))))
+    for done, _ in enumerate(written, start=kept + 1):
+        if done == kept + 1:  # before the first is there, a table would speak of nothing
             write_text(_table(jobs, list(vary or {})), manifest, overwrite=True)
         if progress is not None:
             progress(done, len(jobs))
-    if not left:
+    if not missing:
         write_text(_table(jobs, list(vary or {})), manifest, overwrite=True)
-    return Written(manifest, len(left), kept)
+    return Written(manifest, len(missing), kept)
 
 
-def _make(job: _Job) -> None:
+def _write(job: _Job) -> None:
     # what is there may be replaced: it is half of this member, or the caller said so
     simulate_to(job.scene, job.record, job.truth, overwrite=True)
 

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
-from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum, VanDerPolEscapement
-from data_schemas.scene_support import BeamSupport, BoardSupport, FrameSupport
-from synth.choice import NAMES, expected_error, listed
+from data_schemas.scene_pendulum import (
+    RESISTANCES,
+    BeamSupport,
+    BoardSupport,
+    FrameSupport,
+    ImpulseEscapement,
+    Pendulum,
+    VanDerPolEscapement,
+)
+from synth.choice import NAMES, listed
+from synth.motion.harmonic_sum import HarmonicSum
 from synth.plan import Plan, plan
 from synth.recording.clock import Clock, set_clock
 
-_TERMS = (
-    "restoring", *RESISTANCES.values(), "escapement", "yielding support",
-    "horizontal motion", "vertical motion", "random kicks", "changing gravity",
-    "tide", "tilting case", "planes of swing", "handling",
-)  # fmt: skip
 _MOST_PERIODS = 4
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A scene's way through the simulator."""
+    """How a scene is computed."""
 
     pendulums: str
     """How many, and their periods."""
@@ -63,57 +66,40 @@ def explain(scene: Scene) -> Explanation:
     '65 harmonics: sea and near-resonant'
     """
     clock = set_clock(scene)
-    made = plan(scene, clock)
-    terms = dict(_terms(scene, made))
-    choice = made.choice
+    whole = plan(scene, clock)
+    terms, choice = _terms(scene, whole), whole.choice
+    present = {name: words for name, words in terms.items() if words}
     return Explanation(
         _periods(scene.pendulums),
-        terms,
-        tuple(name for name in _TERMS if name not in terms),
-        _readings(scene, clock),
-        made.propagator,
+        present if whole.caution is None else present | {"caution": whole.caution},
+        tuple(name for name, words in terms.items() if not words),
+        _samples(scene, clock),
+        whole.propagator,
         choice.why,
         tuple(NAMES[name] for name in choice.instead),
-        made.tolerance,
-        expected_error(choice, made.tolerance),
+        whole.tolerance,
+        choice.expected_error(whole.tolerance),
     )
 
 
-def _terms(scene: Scene, made: Plan) -> Iterator[tuple[str, str]]:
-    pendulums = scene.pendulums
-    yield "restoring", "the full sine" if scene.restoring == "sine" else "linear, for small arcs"
-    said: dict[str, Callable[[Pendulum], Any]] = {
-        name: partial(_resistance, field) for field, name in RESISTANCES.items()
+def _terms(scene: Scene, whole: Plan) -> dict[str, str]:
+    """Words of all terms that there are, empty for those that the scene does not name."""
+    pendulums, course = scene.pendulums, scene.gravity_course
+    changing = "" if course is None else f"{course.kind}, mean change {whole.mean_change:.3g} m/s2"
+    return {
+        "restoring": "the full sine" if scene.restoring == "sine" else "linear, for small arcs",
+        **{name: _each(pendulums, partial(_numbers, field)) for field, name in RESISTANCES.items()},
+        "escapement": _each(pendulums, _escapement),
+        "yielding support": _support(scene.support),
+        "horizontal motion": _motion(scene, "horizontal", whole.motion),
+        "vertical motion": _motion(scene, "vertical", whole.vertical),
+        "random kicks": _each(pendulums, partial(_numbers, "kick_intensity")),
+        "changing gravity": changing,
+        "tide": "of a yielding Earth" if scene.conditions.tide else "",
+        "tilting case": _case(scene),
+        "planes of swing": _each(pendulums, lambda one: f"{one.plane:g} rad off" if one.plane else ""),
+        "handling": listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events),
     }
-    for name, words in (said | {"escapement": _escapement}).items():
-        found = _each(pendulums, words)
-        if found:
-            yield name, found
-    if scene.support.kind != "fixed":
-        yield "yielding support", _support(scene.support)
-    for axis, motion in (("horizontal", made.motion), ("vertical", made.vertical)):
-        kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
-        if kinds:
-            count = motion.angular_frequency.size
-            of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
-            yield f"{axis} motion", f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
-    found = _each(pendulums, lambda each: each.kick_intensity and f"{each.kick_intensity:g} rad s-1/2")
-    if found:
-        yield "random kicks", found
-    if scene.gravity_course is not None:
-        yield "changing gravity", f"{scene.gravity_course.kind}, mean change {made.mean_change:.3g} m/s2"
-    if scene.conditions.tide:
-        yield "tide", "of a yielding Earth"
-    if scene.case is not None:
-        tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
-        yield "tilting case", f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
-    found = _each(pendulums, lambda each: each.plane and f"{each.plane:g} rad off")
-    if found:
-        yield "planes of swing", found
-    if scene.events:
-        yield "handling", listed(f"{each.kind} of {each.pendulum} at {each.time:g} s" for each in scene.events)
-    if made.caution is not None:
-        yield "caution", made.caution
 
 
 def _periods(pendulums: Sequence[Pendulum]) -> str:
@@ -123,55 +109,67 @@ def _periods(pendulums: Sequence[Pendulum]) -> str:
     return f"{len(periods)}, period{'s' if len(periods) > 1 else ''} {listed(f'{each:.7g}' for each in periods)} s"
 
 
-def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], Any]) -> str:
+def _each(pendulums: Sequence[Pendulum], said: Callable[[Pendulum], str]) -> str:
     """Words of the pendulums that have the term; those of the same words together."""
     by_words: dict[str, list[str]] = {}
     for each in pendulums:
-        words = said(each)
-        if words:
-            by_words.setdefault(words, []).append(each.label)
-    if [len(labels) for labels in by_words.values()] == [len(pendulums)]:
+        by_words.setdefault(said(each), []).append(each.label)
+    if len(by_words) == 1:
         return next(iter(by_words))
-    return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items())
+    return "; ".join(f"{listed(labels)}: {words}" for words, labels in by_words.items() if words)
 
 
-def _resistance(field: str, pendulum: Pendulum) -> str:
-    """Its numbers with their units; empty where there is none."""
+def _numbers(field: str, pendulum: Pendulum) -> str:
+    """The numbers of a field with their units; empty where it is absent."""
     value = getattr(pendulum, field)
     if not value:
         return ""
-    of = type(value) if isinstance(value, Section) else Pendulum
-    numbers = value.model_dump() if isinstance(value, Section) else {field: value}
-    units = {name: extra(of, name)["unit"] for name in numbers}
-    return ", ".join(
-        f"{name} {number:g} {units[name]}" if len(numbers) > 1 else f"{number:g} {units[name]}"
-        for name, number in numbers.items()
-    )
+    if not isinstance(value, Section):
+        return f"{value:g} {extra(Pendulum, field)['unit']}"
+    numbers = value.model_dump().items()
+    return ", ".join(f"{name} {number:g} {extra(type(value), name)['unit']}" for name, number in numbers)
 
 
-def _escapement(pendulum: Pendulum) -> str | None:
+def _escapement(pendulum: Pendulum) -> str:
     match pendulum.escapement:
         case VanDerPolEscapement() as drive:
             return f"van der Pol, {drive.rate:g} 1/s up to {drive.angle:g} rad"
         case ImpulseEscapement() as kick:
             ways = "both ways" if kick.direction == "both" else kick.direction
             return f"kicks of {kick.energy:g} rad2/s2 at {kick.angle:g} rad, {ways}"
-    return None
+    return ""
 
 
 def _support(support: Any) -> str:
     match support:
-        case BeamSupport():
-            system = {"full": "system (1)", "reduced": "system (2)"}[support.equations]
-            return f"elastic beam, {system}, {support.mass:g} kg on {support.stiffness:g} N/m"
-        case FrameSupport():
-            return f"flexible frame, {support.mass:g} kg on {support.stiffness:g} N/m"
         case BoardSupport():
             return f"rolling board, coupling {support.coupling:g}"
-    return "fixed"
+        case BeamSupport():
+            what = f"elastic beam, system ({1 if support.equations == 'full' else 2})"
+        case FrameSupport():
+            what = "flexible frame"
+        case _:
+            return ""
+    return f"{what}, {support.mass:g} kg on {support.stiffness:g} N/m"
 
 
-def _readings(scene: Scene, clock: Clock) -> str:
+def _motion(scene: Scene, axis: str, motion: HarmonicSum) -> str:
+    kinds = dict.fromkeys(term.kind for term in scene.motion if term.axis == axis and term.kind != "still")
+    if not kinds:
+        return ""
+    count = motion.angular_frequency.size
+    of_what = "" if list(kinds) == ["harmonics"] else f": {listed(kinds)}"
+    return f"{count} harmonic{'s' if count > 1 else ''}{of_what}"
+
+
+def _case(scene: Scene) -> str:
+    if scene.case is None:
+        return ""
+    tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
+    return f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
+
+
+def _samples(scene: Scene, clock: Clock) -> str:
     step = float(scene.recording.step)
     jitter = f", off by {scene.recording.jitter:g} s" if scene.recording.jitter else ""
     return f"{clock.count}, one every {step:g} s{jitter}, for {scene.duration:g} s"

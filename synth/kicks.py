@@ -20,8 +20,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Clamp, Knock, Release, Restart
-from data_schemas.scene_checks import frequency
+from data_schemas.scene_conditions import frequency
+from data_schemas.scene_pendulum import Clamp, Knock, Release, Restart
 from synth.phase import Floats
 from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.seeds import generator
@@ -56,18 +56,6 @@ class Kicks:
     """Of the pendulums."""
     jumps: tuple[Jump, ...] = ()
 
-    def some(self, first: int, count: int) -> Floats:
-        """Changes of theta'/n by `count` impulses from the `first`, (pendulums, count) rad."""
-        blocks = range(first // _BLOCK, -(-(first + count) // _BLOCK))
-        skip = first - blocks.start * _BLOCK
-        rows = [
-            size * np.concatenate([_block(self.seed, label, each) for each in blocks])[skip : skip + count]
-            if size
-            else np.zeros(count)
-            for size, label in zip(self.sizes.tolist(), self.labels, strict=True)
-        ]
-        return np.array(rows)
-
     def changes(self, first: int, count: int) -> Floats:
         """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n.
 
@@ -76,19 +64,20 @@ class Kicks:
         (3, pendulums, count) float64
             1, rad, rad
         """
-        rates = self.some(first, count)
-        found = np.array([np.ones_like(rates), np.zeros_like(rates), rates])
+        blocks = range(first // _BLOCK, -(-(first + count) // _BLOCK))
+        skip = first - blocks.start * _BLOCK
+        result = np.zeros((3, self.sizes.size, count))
+        result[0] = 1.0
+        for row, size, label in zip(result[2], self.sizes.tolist(), self.labels, strict=True):
+            if size:
+                drawn = np.concatenate([_block(self.seed, label, each) for each in blocks])
+                row[:] = size * drawn[skip : skip + count]
         for each in self.jumps:
             at = each.number - first
             if 0 <= at < count:
                 kept = 1.0 if each.adds else 0.0
-                found[:, each.pendulum, at] = kept, each.angle, kept * found[2, each.pendulum, at] + each.rate
-        return found
-
-
-def number_of(time: float, step: Fraction) -> int:
-    """Of the impulse nearest to a time, s."""
-    return max(round(Fraction(time) / step) - 1, 0)
+                result[:, each.pendulum, at] = kept, each.angle, kept * result[2, each.pendulum, at] + each.rate
+        return result
 
 
 @functools.lru_cache(maxsize=64)
@@ -97,15 +86,9 @@ def _block(seed: int, label: str, number: int) -> Floats:
 
 
 def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks | None:
-    """Impulses of a scene; None where no pendulum has any.
+    """Impulses of a scene whose largest n is `fastest`, rad/s; None where no pendulum has any.
 
-    Parameters
-    ----------
-    scene
-    fastest
-        Largest n, rad/s.
-    times
-        Of the samples; none before t = 0.
+    The times are those of the samples; none lies before t = 0.
     """
     intensity = np.array([each.kick_intensity for each in scene.pendulums])
     if not intensity.any() and not scene.events:
@@ -114,28 +97,28 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
     labels = tuple(each.label for each in scene.pendulums)
     jumps = []
     for each in scene.events:
-        place, number = labels.index(each.pendulum), number_of(each.time, step)
+        place, angle, rate = labels.index(each.pendulum), 0.0, 0.0
         match each:
             case Knock():
-                jumps.append(Jump(number, place, 0.0, each.change, True))
+                rate = each.change
             case Restart():
-                own = frequency(scene, scene.pendulums[place])
-                jumps.append(Jump(number, place, each.angle, each.angular_velocity / own, False))
+                angle, rate = each.angle, each.angular_velocity / frequency(scene, scene.pendulums[place])
             case Release() | Clamp():
-                jumps.append(Jump(number, place, each.angle, 0.0, False))
+                angle = each.angle
+        nearest = max(round(Fraction(each.time) / step) - 1, 0)
+        jumps.append(Jump(nearest, place, angle, rate, isinstance(each, Knock)))
     return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
 
 
-def held(scene: Scene, step: Fraction) -> list[tuple[int, float, float, float]]:
+def held(scene: Scene, kicks: Kicks | None) -> list[tuple[int, float, float, float]]:
     """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
-    labels = [each.label for each in scene.pendulums]
-    found = []
-    for each in scene.events:
-        if isinstance(each, Release | Clamp):
-            at = float((number_of(each.time, step) + 1) * step)
-            begin, end = (-math.inf, at) if isinstance(each, Release) else (at, math.inf)
-            found.append((labels.index(each.pendulum), begin, end, each.angle))
-    return found
+    spans = []
+    for event, jump in zip(scene.events, kicks.jumps if kicks is not None else (), strict=True):
+        if isinstance(event, Release | Clamp) and kicks is not None:
+            at = float((jump.number + 1) * kicks.step)
+            begin, end = (-math.inf, at) if isinstance(event, Release) else (at, math.inf)
+            spans.append((jump.pendulum, begin, end, jump.angle))
+    return spans
 
 
 def _step(times: EvenTimes | UnevenTimes, longest: float) -> Fraction:

@@ -44,18 +44,7 @@ class Turns:
     """(harmonics,) what is left, in units."""
 
     def angles(self, index: Integers) -> Floats:
-        """Angles after `index` steps, within half a turn of zero.
-
-        Parameters
-        ----------
-        index : (times,) int64
-            Number of steps, of either sign.
-
-        Returns
-        -------
-        (harmonics, times) float64
-            In rad, right to 4e-16.
-        """
+        """Angles after `index` steps of either sign, (harmonics, times) rad within half a turn of zero, to 4e-16."""
         wrapped = self.units[:, None] * index.view(np.uint64)  # modulo 2^64, as it should
         angles: Floats = wrapped.view(np.int64).astype(np.float64)
         angles += self.remainder[:, None] * index
@@ -81,14 +70,7 @@ def phasors(angles: Floats) -> Phasors:
 
 
 def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Turns:
-    """Fixed-point turns of harmonics for a step of time.
-
-    Parameters
-    ----------
-    angular_frequencies
-        rad/s, exact: a double is taken as the number it is.
-    step
-        s, exact.
+    """Fixed-point turns of harmonics, rad/s, for a step of time, s; both are exact, a double is the number it is.
 
     Examples
     --------

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity, frequency
+from data_schemas.scene_conditions import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
-from synth.case import lift_of_roll, tilt
-from synth.choice import NAMES, Choice, chosen_at_sight, chosen_by_rates, needs
-from synth.conditions import stiffening
-from synth.gravity_course import gravity_change, mean_change, tidal_change
-from synth.kicks import Kicks, held, kicks
+from synth.choice import NAMES, Choice, choose, needs
+from synth.kicks import Kicks, kicks
+from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
 from synth.motion.sea import sea
 from synth.motion.tabulated import tabulated
@@ -31,8 +29,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything that the march needs, and nothing of the scene's words."""
+    """Everything that decides a trajectory."""
 
+    scene: Scene
     gravity: float
     """What accelerations compare with, m/s^2."""
     motion: HarmonicSum
@@ -41,34 +40,25 @@ class Plan:
     lift: HarmonicSum
     """The vertical one with what acts like it: a temperature or gravity that changes within the record."""
     frequencies: tuple[float, ...]
-    damping_rates: tuple[float, ...]
-    """n in rad/s at infinitesimal arc on a rigid support, gamma in 1/s."""
+    """n at infinitesimal arc on a rigid support, rad/s."""
     responses: tuple[Response, ...]
     """Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps."""
     times: EvenTimes | UnevenTimes
     """When."""
     choice: Choice
     """By what, and why."""
-    tolerance: float | None
-    """Error wanted, of the largest angle; None for the least that can be had."""
     assembly: Callable[[], Assembly]
     """Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay."""
-    yields: bool
-    """Whether the support moves with the pendulums."""
-    linear: bool
-    """Whether the law is linear."""
     kicks: Kicks | None
-    """Random impulses."""
+    """Random impulses, and what is done by hand."""
     gravity_change: HarmonicSum | None
     """What is added to the scene's gravity over time, m/s^2."""
     mean_change: float
     """Its mean over the record, m/s^2."""
-    pitch: HarmonicSum | None = None
+    pitch: HarmonicSum | None
     """Tilt of the case in the plane of swing, rad."""
     planes: tuple[Plan, ...] = ()
     """Of each pendulum alone, where their planes of swing are not parallel."""
-    held: Sequence[tuple[int, float, float, float]] = ()
-    """See `kicks.held`."""
 
     @property
     def propagator(self) -> str:
@@ -76,14 +66,19 @@ class Plan:
         return NAMES[self.choice.propagator]
 
     @property
+    def tolerance(self) -> float | None:
+        """Error wanted, of the largest angle; None for the least that can be had."""
+        return self.scene.simulation.tolerance
+
+    @property
     def caution(self) -> str | None:
         """What to know of a yielding support's start before believing the motion, or None."""
-        if not self.yields:
+        if self.scene.support.kind == "fixed":
             return None
-        from synth.huygens.clocks import CAUTION, symmetric
+        from synth.systems.symmetry import CAUTION, symmetric
 
-        made = self.assembly()
-        return CAUTION if symmetric(made.system, made.start) else None
+        equations = self.assembly()
+        return CAUTION if symmetric(equations.system, equations.start) else None
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
@@ -93,18 +88,20 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     asked.
     """
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
-    axes = ("horizontal", "transverse", "vertical")
-    motion, transverse, vertical = (_motion(scene, frequencies, clock, axis) for axis in axes)
-    change, end, gravity = gravity_change(scene, clock.true_end), clock.true_end, felt_gravity(scene)
-    case, pitch, rolled = scene.case, None, None
-    if case is not None and case.pitch is not None:
-        pitch = tilt(case.pitch, motion, gravity, end)
+    end, gravity, case = clock.true_end, felt_gravity(scene), scene.case
+    motion, transverse, vertical = (
+        _motion(scene, frequencies, end, axis) for axis in ("horizontal", "transverse", "vertical")
+    )
+    pitch = None if case is None or case.pitch is None else tilt(case.pitch, motion, gravity, end)
+    change = gravity_change(scene, end)
+    upright = math.cos(scene.conditions.tilt or 0.0)  # the share that a tilted plane of swing feels
+    changes = [each for each in (change, tidal_change(scene, end)) if each is not None]
+    lifts = [vertical, stiffening(scene)]
+    lifts += [replace(each, acceleration=upright * each.acceleration) for each in changes]
     if case is not None and case.roll is not None:
-        rolled = lift_of_roll(scene, tilt(case.roll, transverse, gravity, end), transverse, vertical, end)
-    tidal = tidal_change(scene, end)
-    acting = (stiffening(scene), _in_swing_plane(scene, change), _in_swing_plane(scene, tidal), rolled)
-    like_heave = [each for each in acting if each is not None]
-    lift = add([vertical, *like_heave]) if like_heave else vertical
+        roll = tilt(case.roll, transverse, gravity, end)
+        lifts.append(lift_of_roll(scene, roll, transverse, vertical, end))
+    lift = add(each for each in lifts if each is not None)
     impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache
@@ -112,61 +109,48 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         from synth.assembly import assemble
 
         try:
-            return assemble(scene, frequencies, motion, lift, impulses, clock.true_end)
+            return assemble(scene, frequencies, motion, lift, impulses, end)
         except RefusedError as refusal:
             raise SceneError(str(refusal)) from None
 
-    made = Plan(
+    def fastest() -> float:
+        from synth.systems.rates import fastest_rate  # only here: it brings numba
+
+        equations = assembly()
+        return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)
+
+    whole = Plan(
+        scene,
         gravity,
         motion,
         vertical,
         lift,
         tuple(frequencies),
-        tuple(pendulum.damping_rate for pendulum in scene.pendulums),
         _responses(scene, frequencies, motion),
         clock.times,
-        _choice(scene, assembly, max(frequencies)),
-        scene.simulation.tolerance,
+        choose(scene.simulation.propagator, needs(scene), fastest),
         assembly,
-        scene.support.kind != "fixed",
-        scene.restoring == "linear",
         impulses,
         change,
         0.0 if change is None else mean_change(change, end),
         pitch,
-        held=[] if impulses is None else held(scene, impulses.step),
     )
     if not any(each.plane for each in scene.pendulums):
-        return made
-    return replace(made, planes=tuple(_alone(scene, made, transverse, place) for place in range(len(scene.pendulums))))
+        return whole
+    return replace(whole, planes=tuple(_alone(whole, transverse, place) for place in range(len(scene.pendulums))))
 
 
-def _alone(scene: Scene, whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
+def _alone(whole: Plan, transverse: HarmonicSum, place: int) -> Plan:
     """The plan of one pendulum in its own plane of swing."""
-    pendulum, kicked = scene.pendulums[place], whole.kicks
-    turned = [
-        replace(each, acceleration=share * each.acceleration)
-        for share, each in ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
-    ]
-    motion, own = add(turned), whole.frequencies[place]
+    pendulum, kicked, own = whole.scene.pendulums[place], whole.kicks, whole.frequencies[place]
+    shares = ((math.cos(pendulum.plane), whole.motion), (math.sin(pendulum.plane), transverse))
+    motion = add(replace(each, acceleration=share * each.acceleration) for share, each in shares)
     if kicked is not None:
         jumps = tuple(replace(each, pendulum=0) for each in kicked.jumps if each.pendulum == place)
         kicked = replace(kicked, sizes=kicked.sizes[[place]], labels=(pendulum.label,), jumps=jumps)
-    alone = scene.model_copy(update={"pendulums": (pendulum,)})
-    return replace(
-        whole,
-        motion=motion,
-        frequencies=(own,),
-        damping_rates=(pendulum.damping_rate,),
-        responses=_responses(alone, [own], motion),
-        kicks=kicked,
-    )
-
-
-def _in_swing_plane(scene: Scene, change: HarmonicSum | None) -> HarmonicSum | None:
-    """The share of a vertical acceleration that a tilted plane of swing feels."""
-    tilt = scene.conditions.tilt or 0.0
-    return None if change is None else replace(change, acceleration=change.acceleration * math.cos(tilt))
+    alone = whole.scene.model_copy(update={"pendulums": (pendulum,)})
+    responses = _responses(alone, [own], motion)
+    return replace(whole, scene=alone, motion=motion, frequencies=(own,), responses=responses, kicks=kicked)
 
 
 def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> tuple[Response, ...]:
@@ -176,18 +160,7 @@ def _responses(scene: Scene, frequencies: list[float], motion: HarmonicSum) -> t
     return tuple(respond(own, each.damping_rate, each.start, motion, felt_gravity(scene)) for each, own in pairs)
 
 
-def _choice(scene: Scene, assembly: Callable[[], Assembly], fastest_swing: float) -> Choice:
-    asked = needs(scene)
-    choice = chosen_at_sight(scene.simulation.propagator, asked)
-    if choice is not None:
-        return choice
-    from synth.systems.rates import fastest_rate  # only here: it brings numba
-
-    made = assembly()
-    return chosen_by_rates(asked, fastest_rate(made.system, made.start) * made.time_scale, fastest_swing)
-
-
-def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> HarmonicSum:
+def _motion(scene: Scene, frequencies: list[float], end: float, axis: str) -> HarmonicSum:
     """All terms of the support's motion along one axis, added."""
     labels = [pendulum.label for pendulum in scene.pendulums]
     terms: list[HarmonicSum] = []
@@ -199,7 +172,7 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> 
             continue
         match term:
             case Still():
-                continue
+                pass
             case HarmonicMotion():
                 terms.append(harmonics(term))
             case NearResonantMotion():
@@ -209,5 +182,5 @@ def _motion(scene: Scene, frequencies: list[float], clock: Clock, axis: str) -> 
                 seed, name = (scene.seed, f"sea {seas}") if term.seed is None else (term.seed, "sea")
                 terms.append(sea(term, scene.gravity, generator(seed, name)))
             case _:
-                terms.append(tabulated(term, clock.true_end))
+                terms.append(tabulated(term, end))
     return add(terms)

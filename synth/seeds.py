@@ -8,14 +8,7 @@ import numpy as np
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
-    """Random numbers for one use.
-
-    Parameters
-    ----------
-    seed
-        The scene's.
-    name
-        What the numbers are for; the same name gives the same numbers.
+    """Random numbers for one use, from the scene's seed; the same name gives the same numbers.
 
     Examples
     --------

@@ -1,11 +1,18 @@
-"""The scenes that ship with the package."""
+"""The scenes and films that ship with the package, and films in files."""
 
 from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from data_schemas.errors import SceneError
+
+if TYPE_CHECKING:
+    from data_schemas.scene_film import Film
+
+_SCENES = Path(str(resources.files("synth") / "scenes"))
+_FILMS = Path(str(resources.files("synth") / "film" / "presets"))
 
 
 def scenes() -> tuple[str, ...]:
@@ -16,8 +23,7 @@ def scenes() -> tuple[str, ...]:
     >>> "demo" in scenes()
     True
     """
-    folder = resources.files("synth") / "scenes"
-    return tuple(sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml")))
+    return tuple(sorted(each.stem for each in _SCENES.glob("*.toml")))
 
 
 def scene_path(name: str) -> Path:
@@ -35,4 +41,41 @@ def scene_path(name: str) -> Path:
     """
     if name not in scenes():
         raise SceneError(f"no scene {name!r} ships with isochrony; there are: {', '.join(scenes())}")
-    return Path(str(resources.files("synth") / "scenes" / f"{name}.toml"))
+    return _SCENES / f"{name}.toml"
+
+
+def films() -> tuple[str, ...]:
+    """Names of the shipped films, in alphabetical order.
+
+    Examples
+    --------
+    >>> films()
+    ('bad', 'clean', 'historic-slow', 'typical')
+    """
+    return tuple(sorted(each.stem for each in _FILMS.glob("*.toml")))
+
+
+def load_film(name: str) -> Film:
+    """Read a film: the name of a shipped one, or a TOML file with its keys (or with a section `film`, as a scene has).
+
+    Raises
+    ------
+    SceneError
+        No such film ships, or the file has faults; one line names them.
+    """
+    from pydantic import ValidationError
+
+    from data_schemas.scene_fields import one_line
+    from data_schemas.scene_film import Film
+    from data_schemas.text_files import load_toml
+
+    path, known = Path(name), ", ".join(films())
+    if path.suffix != ".toml" and path.parent == Path("."):
+        if name not in films():
+            raise SceneError(f"no film {name!r} ships with isochrony; there are: {known}; or give a TOML file")
+        path = _FILMS / f"{name}.toml"
+    content = load_toml(path, f"a film (or the name of one of {known})", SceneError)
+    try:
+        return Film.model_validate(content["film"] if isinstance(content.get("film"), dict) else content)
+    except ValidationError as error:
+        raise SceneError(f"{path}: {one_line(error, Film)}") from None

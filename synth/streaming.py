@@ -1,4 +1,4 @@
-"""From a scene to a record and its truth: in memory, or straight to files, portion by portion."""
+"""From a scene to a record and its truth: in memory, or straight to files, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from data_schemas.appending import Appended
 from data_schemas.contents import Contents, Entry, Group, to_tree
 from data_schemas.scene import Scene
 from data_schemas.shield import shielded
-from synth.march import march
 from synth.plan import plan
+from synth.propagate import propagate
 from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.defects import Defects
@@ -25,52 +25,36 @@ if TYPE_CHECKING:
 
 
 def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
-    """Simulate a scene in bounded memory.
+    """Record and truth of a scene, chunk by chunk in order of time; joined along it they are what `simulate` returns.
 
-    `SceneError` as `simulate`; an error too large may show late.
-
-    Parameters
-    ----------
-    scene
-    clock
-        Of the scene, by `set_clock`; its `count` is the number of readings to come.
-
-    Yields
-    ------
-    record, truth : Contents
-        Of up to 65536 readings, in order of time. Joined along `time` they are what `simulate` returns; attributes
-        are those of the last. (Plain arrays: importing xarray takes longer and more memory than most simulations, and
-        portions of a tree, whose nodes know each other, would stay until the next collection of garbage.)
+    The clock is that of `set_clock`; attributes are those of the last chunk. `SceneError` as `simulate`. (Plain arrays:
+    importing xarray takes longer and more memory than most simulations.)
     """
     the_plan = plan(scene, clock)
-    apparatus, defects, unwrapped = Apparatus(scene, the_plan, clock), Defects(scene, clock), Unwrapping()
-    for part, course in march(the_plan, clock):
-        yield observe(scene, part, course, apparatus, defects), reveal(scene, part, the_plan, course, unwrapped)
+    apparatus, defects, unwrapped = Apparatus(the_plan, clock), Defects(scene, clock), Unwrapping()
+    for part, trajectory in propagate(the_plan, clock):
+        record = observe(scene, part, trajectory, apparatus, defects)
+        yield record, reveal(part, the_plan, trajectory, unwrapped)
 
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:
-    """Record and truth of a scene, joined in memory, as plain contents; what `simulate` makes trees of.
-
-    `SceneError` as `simulate`.
-    """
-    record, truth = (_joined(portions) for portions in zip(*stream(scene, set_clock(scene)), strict=True))
+    """Record and truth of a scene as plain contents; what `simulate` makes trees of."""
+    record, truth = (_joined(chunks) for chunks in zip(*stream(scene, set_clock(scene)), strict=True))
     return record, truth
 
 
-def _joined(portions: Sequence[Contents]) -> Contents:
-    """Portions of one content put together along time; what does not change with it, and attributes, of the last."""
-    if len(portions) == 1:
-        return portions[0]
+def _joined(chunks: Sequence[Contents]) -> Contents:
+    """Chunks of one content put together along time; what does not change with it, and attributes, of the last."""
 
     def whole(path: str, name: str, last: Entry) -> Entry:
-        if "time" not in last.dims:
+        if "time" not in last.dims or len(chunks) == 1:
             return last
-        values = np.concatenate([each[path].variables[name].values for each in portions], axis=-1)
+        values = np.concatenate([each[path].variables[name].values for each in chunks], axis=-1)
         return Entry(last.dims, values, last.attrs)
 
     return {
         path: Group(group.attrs, {name: whole(path, name, last) for name, last in group.variables.items()})
-        for path, group in portions[-1].items()
+        for path, group in chunks[-1].items()
     }
 
 
@@ -78,7 +62,7 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     """Simulate a scene.
 
     Linear pendulums on a support that moves as a sum of harmonics have a solution in closed form; it is
-    evaluated at every reading, right to 1e-15 of the largest angle however long the record. Pendulums with the sine
+    evaluated at every sample, right to 1e-15 of the largest angle however long the record. Pendulums with the sine
     law are integrated by exponential Picard collocation, to 1e-14 in an hour at sea; the truth says what error is
     estimated. The same scene gives the same bits.
 
@@ -122,12 +106,12 @@ def simulate_to(
     overwrite: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> int:
-    """Simulate a scene straight to its two files, portion by portion.
+    """Simulate a scene straight to its two files, chunk by chunk.
 
     The files are those that `simulate` and `data_schemas.write` make, bit for bit (`content_sha256` tells), but no more
-    than a portion is ever in memory. Two things grow with the record all the same: the times of readings at uneven
-    moments or with some dropped (some tens of bytes a reading), and the motion where a general integrator computes it,
-    that is neither the closed form nor Picard collocation (8 bytes a reading and state).
+    than a chunk of them is ever in memory. Two things grow with the record all the same: the times of samples at uneven
+    moments or with some dropped (some tens of bytes a sample), and the motion where it is not the closed form (8 bytes
+    a sample and state; twice that for a moment).
 
     Parameters
     ----------
@@ -138,12 +122,12 @@ def simulate_to(
     overwrite
         Whether existing files may be replaced.
     progress
-        Called with how many readings are done, and of how many, after every portion.
+        Called with how many samples are done, and of how many, after every chunk.
 
     Returns
     -------
     int
-        Number of readings of a trace.
+        Number of samples of a trace.
 
     Raises
     ------
@@ -168,11 +152,11 @@ def simulate_to(
         Appended(record_path, clock.count, overwrite=overwrite) as record,
         Appended(truth_path, clock.count, overwrite=overwrite) as truth,
     ):
-        for seen, true in stream(scene, clock):
-            record.append(seen)
-            truth.append(true)
+        for record_chunk, truth_chunk in stream(scene, clock):
+            record.append(record_chunk)
+            truth.append(truth_chunk)
+            done += record_chunk[""].variables["time"].values.size
             if progress is not None:
-                done += seen[""].variables["time"].values.size
                 progress(done, clock.count)
         for file in (record, truth):
             file.finish()

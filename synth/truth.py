@@ -7,89 +7,72 @@ from typing import Any
 import numpy as np
 
 from data_schemas.contents import Contents
-from data_schemas.scene import Scene
-from data_schemas.scene_checks import frequency
-from synth.march import Course
+from data_schemas.scene_conditions import frequency
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
+from synth.propagate import Trajectory
 from synth.recording.clock import Clock
 from synth.recording.observe import described, label_array, root
 
 
-def reveal(scene: Scene, clock: Clock, plan: Plan, course: Course, unwrapped: Unwrapping) -> Contents:
-    """Lay out the truth of a simulated record, or of a portion of it; portions must come in order of time.
+def reveal(clock: Clock, plan: Plan, trajectory: Trajectory, unwrapped: Unwrapping) -> Contents:
+    """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
 
-    Returns
-    -------
-    Contents
-        As `data_schemas` lays it out; theta = free_amplitude * cos(free_phase) + forced to the last digit
-        where the pendulums are linear.
+    theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.
     """
-    both, one = ("pendulum", "time"), ("pendulum",)
-    moves_up = plan.vertical.angular_frequency.size > 0
+    scene, both, one, time = plan.scene, ("pendulum", "time"), ("pendulum",), ("time",)
     interval = float(scene.recording.mark_interval) if scene.recording.marks else scene.recording.gap_interval
-    yielded = course.support_displacement
-    changed = course.gravity_change
     at_mean = scene.model_copy(update={"gravity": scene.gravity + plan.mean_change})
     kicked = np.array([each.kick_intensity for each in scene.pendulums])
-    marks = np.arange(0.0, scene.duration, interval) * float(clock.scale)
-    pitch = None if plan.pitch is None else clock.times.acceleration(plan.pitch)[clock.kept]
-    events = [] if plan.kicks is None else [float((each.number + 1) * plan.kicks.step) for each in plan.kicks.jumps]
-    variables = {
+    variables: dict[str, Any] = {
         "gravity": ((), at_mean.gravity),
-        **({"gravity_course": (("time",), scene.gravity + changed)} if changed is not None else {}),
         "frequency": (one, np.array([frequency(at_mean, each) for each in scene.pendulums])),
-        "damping_rate": (one, np.array(plan.damping_rates)),
-        **({"kick_intensity": (one, kicked)} if kicked.any() else {}),
-        "theta": (both, course.theta),
-        **_parts(clock, plan, course, unwrapped),
-        "horizontal_acceleration": (("time",), course.horizontal_acceleration),
-        **({"vertical_acceleration": (("time",), course.vertical_acceleration)} if moves_up else {}),
-        **({"support_displacement": (("time",), yielded)} if yielded is not None else {}),
-        **({"case_pitch": (("time",), pitch)} if pitch is not None else {}),
-        **({"event_time": (("event",), np.array(events))} if events else {}),
-        "mark_time": (("mark",), marks),
+        "damping_rate": (one, np.array([each.damping_rate for each in scene.pendulums])),
+        "theta": (both, trajectory.theta),
+        "horizontal_acceleration": (time, trajectory.horizontal_acceleration),
+        "mark_time": (("mark",), np.arange(0.0, scene.duration, interval) * float(clock.scale)),
     }
-    whole = root(
-        scene,
-        clock,
-        "truth",
-        {
-            "scene": scene.model_dump_json(),
-            "seed": scene.seed,
-            "propagator": course.propagator,
-            "estimated_error": course.estimated_error,
-            **({"tolerance": plan.tolerance} if plan.tolerance is not None else {}),
-            **({"caution": plan.caution} if plan.caution is not None else {}),
-        },
-    )
+    if trajectory.gravity_change is not None:
+        variables["gravity_course"] = (time, scene.gravity + trajectory.gravity_change)
+    if kicked.any():
+        variables["kick_intensity"] = (one, kicked)
+    if trajectory.free is not None:
+        amplitude = np.abs(trajectory.free)
+        base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
+        phase = unwrapped(trajectory.free, base)
+        variables["free_amplitude"], variables["free_phase"] = (both, amplitude), (both, phase)
+        variables["forced"] = (both, trajectory.theta - amplitude * np.cos(phase))
+    elif trajectory.slow is not None:  # motions do not superpose: what linear pendulums would answer
+        variables["forced"] = (both, trajectory.slow)
+    if plan.vertical.angular_frequency.size:
+        variables["vertical_acceleration"] = (time, trajectory.vertical_acceleration)
+    if trajectory.support_displacement is not None:
+        variables["support_displacement"] = (time, trajectory.support_displacement)
+    if plan.pitch is not None:
+        variables["case_pitch"] = (time, clock.times.acceleration(plan.pitch)[clock.kept])
+    if plan.kicks is not None and plan.kicks.jumps:
+        moments = [float((each.number + 1) * plan.kicks.step) for each in plan.kicks.jumps]
+        variables["event_time"] = (("event",), np.array(moments))
+    attrs = {
+        "scene": scene.model_dump_json(),
+        "seed": scene.seed,
+        "propagator": trajectory.propagator,
+        "estimated_error": trajectory.estimated_error,
+    }
+    attrs |= {"tolerance": plan.tolerance} if plan.tolerance is not None else {}
+    attrs |= {"caution": plan.caution} if plan.caution is not None else {}
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
-    return {"": whole, "truth": described("truth", variables, labels)}
-
-
-def _parts(clock: Clock, plan: Plan, course: Course, unwrapped: Unwrapping) -> dict[str, Any]:
-    """Free harmonic and forced rest; where motions do not superpose, what linear pendulums would answer, if known."""
-    both = ("pendulum", "time")
-    if course.free is None:
-        return {"forced": (both, course.slow)} if course.slow is not None else {}
-    amplitude = np.abs(course.free)
-    base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
-    phase = unwrapped(course.free, base)
-    return {
-        "free_amplitude": (both, amplitude),
-        "free_phase": (both, phase),
-        "forced": (both, course.theta - amplitude * np.cos(phase)),
-    }
+    return {"": root(scene, clock, "truth", attrs), "truth": described("truth", variables, labels)}
 
 
 _TURN = 2 * np.pi
 
 
 class Unwrapping:
-    """Unwraps portion after portion, in order of time, as if the signal had come whole.
+    """Unwraps chunk after chunk, in order of time, as if the signal had come whole.
 
-    The signal's own phase may turn by half a turn between readings; the difference from the base moves slowly. The
-    turns of that difference are counted in whole numbers, which do not depend on the portions.
+    The signal's own phase may turn by half a turn between samples; the difference from the base moves slowly. The
+    turns of that difference are counted in whole numbers, which do not depend on the chunks.
 
     Examples
     --------
@@ -105,14 +88,7 @@ class Unwrapping:
         self._turns: Floats | None = None
 
     def __call__(self, signal: Phasors, base: Floats) -> Floats:
-        """Phase of the next portion, (pendulums, readings), rad.
-
-        Parameters
-        ----------
-        signal : (pendulums, readings) complex128
-        base : (pendulums, readings) float64
-            rad
-        """
+        """Phase of the next chunk of a signal, (pendulums, samples) rad; so is the base."""
         beside = np.remainder(np.angle(signal) - base, _TURN)
         if not beside.size:
             return beside

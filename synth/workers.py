@@ -28,22 +28,10 @@ class WorkerError(IsochronyError):
 
 
 def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
-    """Results of a function for each job, in the order of the jobs.
+    """Results of a function of some module for each job, in the order of the jobs.
 
-    `WorkerError` if a worker dies. `Exception`: what the function raises, at its job's turn.
-
-    Parameters
-    ----------
-    function
-        Of a module, so that another process finds it.
-    jobs
-        Taken as they are needed: no more than two to a worker are ahead of the results.
-    workers
-        Processes; with 1 all is done in this one.
-
-    Yields
-    ------
-    result
+    Jobs are taken as they are needed: no more than two to a worker are ahead of the results. With one worker all is
+    done in this process. `WorkerError` if a worker dies; what the function raises comes at its job's turn.
     """
     if workers == 1:
         yield from map(function, jobs)
@@ -58,11 +46,10 @@ def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: in
         while ahead:
             yield ahead.popleft().result()
     except BrokenProcessPool:
-        told = (
+        raise WorkerError(
             "a worker process died before it was done; run the same again, with fewer workers if memory is short (in a "
             "script, start it under: if __name__ == '__main__')"
-        )
-        raise WorkerError(told) from None
+        ) from None
     finally:
         for process in [*(pool._processes or {}).values()]:  # those that still work on what nobody waits for
             process.terminate()

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Self, get_args
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
-from data_schemas.variables_summary import SUMMARY
+from data_schemas.variables_result import SUMMARY
 from data_schemas.writing import reason, sync_folder
 from pipeline.batch.config import Config, Outcome, Status
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.variables import attributes
-from data_schemas.variables_summary import SUMMARY
+from data_schemas.variables_result import SUMMARY
 from data_schemas.writing import write, write_text
 from pipeline.batch.config import Config, owner_of
 from pipeline.batch.ledger import Index

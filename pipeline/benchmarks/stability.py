@@ -20,8 +20,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from data_schemas.errors import IsochronyError
-from data_schemas.scene import Scene
-from data_schemas.scene_simulation import Propagator
+from data_schemas.scene import Propagator, Scene
 from pipeline.benchmarks import references as truth
 from pipeline.benchmarks.problems import GRAVITY, STILL, Swell
 from pipeline.benchmarks.tables import Row, progress

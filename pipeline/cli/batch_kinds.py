@@ -36,10 +36,10 @@ def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
 
     `SceneError` for a key that the scene does not have, or a value that is not allowed.
     """
-    from synth.ensemble_scenes import member, members
+    from synth.ensemble import member, member_scenes
 
     vary: dict[str, Any] = {key: lambda _chance, value=value: value for key, value in variant}
-    next(members(scene, 1, vary=vary))  # an unknown key is told with the nearest known one
+    next(member_scenes(scene, 1, vary=vary))  # an unknown key is told with the nearest known one
     return member(scene, number, vary=vary)
 
 

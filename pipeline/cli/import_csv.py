@@ -62,8 +62,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Import the table and write the record."""
-    from pipeline.importing.pendulums import ImportOptions
-    from pipeline.importing.record import import_csv
+    from pipeline.importing.record import ImportOptions, import_csv
 
     path = Path(options.table)
     output = place([path], options.out, ".record.nc")[0]
@@ -101,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _instrument(options: argparse.Namespace) -> dict[str, Any]:
     """Constants of the TOML file, and of options, which go before it."""
-    from data_schemas.toml_file import load_toml
+    from data_schemas.text_files import load_toml
 
     found = (
         {}

@@ -13,8 +13,7 @@ from pathlib import Path
 import data_schemas
 import synth
 from pipeline.methods import METHODS
-from synth.kernels.cache import WATCHERS, cache_folder
-from synth.kernels.sources import stamp
+from synth.kernels.cache import WATCHERS, cache_folder, stamp
 
 HELP = "compile ahead what the other verbs need"
 DESCRIPTION = """\

@@ -157,7 +157,7 @@ def find_time(
 
     `RefusedError`: no trace can be followed.
     """
-    from pipeline.film.scan.cause import cause_in
+    from pipeline.film.scan.opening import cause_in
 
     _ = known.traces  # names that cannot be meant are told before any work
     if lines_are_light(scan.image) is None:

@@ -9,11 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import UsageError
-from data_schemas.film_conditions import BASE, BASES, COURSES, PENDULUM, PERIODS
-from data_schemas.film_description import DescribedPendulum, DescribedTrace, FilmDescription
+from data_schemas.film_description import (
+    BASE,
+    BASES,
+    COURSES,
+    PENDULUM,
+    PERIODS,
+    DescribedPendulum,
+    DescribedTrace,
+    FilmDescription,
+)
 from data_schemas.variables import dataset
 from pipeline.film.parts import Floats, Marking
-from pipeline.importing.pendulums import combine
+from pipeline.importing.record import combine
 
 if TYPE_CHECKING:
     import xarray as xr

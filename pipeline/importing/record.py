@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import math
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,7 @@ from numpy.typing import NDArray
 from data_schemas.contents import identifier, shown
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.layouts import root_attributes
-from data_schemas.variables import VARIABLES, attributes, dataset
-from pipeline.importing.pendulums import ImportOptions, combine, constant, periods
+from data_schemas.variables import attributes, dataset, rows_of
 from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
 
 if TYPE_CHECKING:
@@ -32,8 +32,43 @@ TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 MOST_ANGLE = 10.0  # rad, of an elongation whose unit nobody says
 LEAST_PLACES = 8
 FINER = re.compile(r"\.\d{6}(\d+)")
+_LABEL = re.compile(r"[^\s=:-]{1,64}")
 _NO_DATE = "2000-01-01T00:00:00Z"
 _COARSE = 1e6  # s; from here on a float64 of the time itself is coarser than 0.1 ns
+
+
+@dataclass(frozen=True)
+class ImportOptions:
+    """What the columns of the table mean; every default is the plainest reading."""
+
+    time: str = ""  # name of the time column, or its number from 1; "" takes the first
+    columns: Sequence[str] = ()  # to import, as NAME or NAME:TRACE; empty takes all but the time
+    unit: str = ""  # "rad", "mrad", "deg" or "mm" (on the film); "" takes what a column's header says, else rad
+    lever: float | None = None  # optical lever, mm rad-1, positive; needed with and only with "mm"
+    periods: Mapping[str, float] = field(default_factory=dict)  # full, infinitesimal arc, s; "" is the only pendulum
+    gravity: float | None = None  # at which the periods hold, m s-2
+    combinations: Mapping[str, str] = field(default_factory=dict)  # {"upper": "1-2"}; others by their trace's label
+    accelerations: Mapping[str, str] = field(default_factory=dict)  # columns of vertical_ or horizontal_acceleration
+    position: str = ""  # "X,Y": columns of a bob's place, whose angle is about the circle through all of them
+    noise: float | None = None  # 1 sigma of the samples, in the table's unit
+    instrument: Mapping[str, Any] = field(default_factory=dict)  # more of /instrument: a number, or one by pendulum
+
+    def radians_per_unit(self, header: str = "") -> float:
+        """Factor to radians from the table's unit, which a column's header may say.
+
+        `UsageError`: millimetres without a lever, a lever without millimetres, or a header that says another unit than
+        asked for.
+        """
+        if self.unit and header and self.unit != header:
+            raise UsageError(f"--unit {self.unit}: the header says {header}; drop --unit, or correct the header")
+        unit = self.unit or header or "rad"
+        if unit == "mm":
+            if self.lever is None:
+                raise UsageError("--unit mm needs --lever, the optical lever in mm per rad")
+            return 1.0 / self.lever
+        if self.lever is not None:
+            raise UsageError(f"--lever is for elongations in mm; add --unit mm, or drop it with {unit}")
+        return {"deg": math.radians(1.0), "mrad": 1e-3}.get(unit, 1.0)
 
 
 @np.errstate(all="ignore")
@@ -70,30 +105,27 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     else:
         beside = {time_column, *(find_column(table, name) for name in options.accelerations.values())}
         chosen = choose_columns(table, beside, options.columns)
-    for column in () if options.unit else chosen.values():
-        unit = unit_in(table.names[column], {each: each for each in NO_ANGLES})
-        if unit and table.names[column].rstrip()[-1] in ")]":
-            raise RecordError(
-                f"{table.source}: column '{table.names[column]}' is in {unit}, which is no angle; choose others with "
-                "--column, or say --xy X,Y where they are a bob's position"
-            )
-    scale = np.array([options.radians_per_unit(unit_in(table.names[column], ANGLES)) for column in chosen.values()])
-    angles = _elongation(table, chosen) * scale[:, None]
-    if not options.unit and np.nanmax(np.abs(angles), initial=0.0) > MOST_ANGLE:
-        raise RecordError(
-            f"{table.source}: angles up to {np.nanmax(np.abs(angles)):.3g} are hardly radians; "
-            "say --unit deg, mrad or mm, or --unit rad if they are"
-        )
+    angles, scale = _elongation(table, chosen, options)
     pendulums, combination = combine(list(chosen), options.combinations)
-    period = periods(pendulums, options, needed=len(chosen) > 1)
     values = {"combination": combination, "elongation": angles}
     values |= {name: np.array(table.numbers(find_column(table, of))) for name, of in options.accelerations.items()}
     if options.noise is not None:
         values["elongation_uncertainty"] = options.noise * scale
+    name = Path(table.source).name
+    columns = ", ".join(f"trace {label} from column {table.title(column)}" for label, column in chosen.items())
+    root = root_attributes(
+        "record",
+        identifier(Path(name).stem),
+        title=f"pendulum record imported from {name}",
+        history=f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
+        source=f"{name}, whose own clock reads {clock.reading} at the start",
+    )
+    time = {**attributes("time"), "units": f"seconds since {clock.start}"}
     groups = {
-        "/": _root(table, clock, chosen, options),
+        "/": xr.Dataset(coords={"time": ("time", clock.seconds, time)}, attrs=root),
         "/record": dataset("record", values, {"trace": list(chosen), "pendulum": pendulums}),
     }
+    period = _periods(pendulums, options, needed=len(chosen) > 1)
     if period is not None or options.gravity is not None or options.instrument:
         groups["/instrument"] = _instrument(pendulums, period, options)
     if options.lever is not None:
@@ -102,34 +134,28 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     return xr.DataTree.from_dict(groups)
 
 
-def _elongation(table: Table, chosen: Mapping[str, int]) -> NDArray[np.float64]:
-    """Values of the chosen columns (trace, time) in the table's unit."""
-    values = np.array([table.numbers(column) for column in chosen.values()])
-    for (label, column), trace in zip(chosen.items(), values, strict=True):
-        if np.isnan(trace).all():
+def _elongation(
+    table: Table, chosen: Mapping[str, int], options: ImportOptions
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Values of the chosen columns (trace, time) in rad, and their units in rad."""
+    for column in () if options.unit else chosen.values():
+        name = table.names[column]
+        unit = unit_in(name, {each: each for each in NO_ANGLES})
+        if unit and name.rstrip()[-1] in ")]":
             raise RecordError(
-                f"{table.source}: column {table.title(column)} (trace {label}) holds no value; "
-                "choose others with --column"
+                f"{table.source}: column '{name}' is in {unit}, which is no angle; choose others with "
+                "--column, or say --xy X,Y where they are a bob's position"
             )
-    return values
-
-
-def _root(table: Table, clock: Clock, chosen: Mapping[str, int], options: ImportOptions) -> xr.Dataset:
-    import xarray as xr
-
-    name = Path(table.source).name
-    columns = ", ".join(f"trace {label} from column {table.title(column)}" for label, column in chosen.items())
-    time = {**attributes("time"), "units": f"seconds since {clock.start}"}
-    return xr.Dataset(
-        coords={"time": ("time", clock.seconds, time)},
-        attrs=root_attributes(
-            "record",
-            identifier(Path(name).stem),
-            title=f"pendulum record imported from {name}",
-            history=f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
-            source=f"{name}, whose own clock reads {clock.reading} at the start",
-        ),
-    )
+    scale = np.array([options.radians_per_unit(unit_in(table.names[column], ANGLES)) for column in chosen.values()])
+    angles = np.array([table.numbers(column) for column in chosen.values()]) * scale[:, None]
+    for (label, column), trace in zip(chosen.items(), angles, strict=True):
+        if np.isnan(trace).all():
+            told = f"column {table.title(column)} (trace {label}) holds no value"
+            raise RecordError(f"{table.source}: {told}; choose others with --column")
+    if not options.unit and (largest := np.nanmax(np.abs(angles), initial=0.0)) > MOST_ANGLE:
+        remedy = "say --unit deg, mrad or mm, or --unit rad if they are"
+        raise RecordError(f"{table.source}: angles up to {largest:.3g} are hardly radians; {remedy}")
+    return angles, scale
 
 
 def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
@@ -156,19 +182,87 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     return replace(table, names=(*table.names, "angle (rad)"), rows=rows), {"1": len(table.names)}
 
 
-def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, options: ImportOptions) -> xr.Dataset:
-    """Group /instrument.
+def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str], NDArray[np.float64]]:
+    """Labels of the pendulums, and each trace as their combination (trace, pendulum).
 
-    `UsageError`: a constant that is not known, or that has no value for a pendulum.
+    A trace is read from `given`, else from its own label: "1" is a pendulum, "1-2" a difference.
+
+    `UsageError`: a combination that names no pendulums, or traces that repeat each other.
+
+    Examples
+    --------
+    >>> combine(["1", "1-2"], {})
+    (['1', '2'], array([[ 1.,  0.],
+           [ 1., -1.]]))
     """
-    values: dict[str, Any] = {"period": period}
-    words = {}
-    for name, value in {"reference_gravity": options.gravity, **options.instrument}.items():
-        row = VARIABLES.get(f"instrument/{name}")
+    for trace in given:
+        if trace not in traces:
+            raise UsageError(f"--combination {trace}=...: there is no trace '{trace}'; traces: {', '.join(traces)}")
+    parts = {trace: given.get(trace, trace).split("-") for trace in traces}
+    for trace, labels in parts.items():
+        if not all(_LABEL.fullmatch(label) for label in labels) or len(set(labels)) < len(labels):
+            raise UsageError(
+                f"trace '{trace}': '{given.get(trace, trace)}' is no combination of different pendulums; "
+                f"write --combination {trace}=1 or {trace}=1-2"
+            )
+    pendulums = sorted({label for labels in parts.values() for label in labels}, key=_natural)
+    matrix = np.zeros((len(traces), len(pendulums)))
+    for row, labels in enumerate(parts.values()):
+        for order, label in enumerate(labels):
+            matrix[row, pendulums.index(label)] = 1.0 if order == 0 else -1.0
+    if len(traces) > 1 and np.linalg.matrix_rank(matrix) < len(traces):
+        raise UsageError(
+            f"traces {', '.join(traces)} repeat each other as combinations of pendulums; "
+            "leave one out with --column, or correct --combination"
+        )
+    return pendulums, matrix
+
+
+def _natural(label: str) -> tuple[bool, int, str]:
+    """Order labels as numbers where they are numbers: 2 before 10."""
+    is_number = label.isascii() and label.isdigit()
+    return not is_number, int(label) if is_number else 0, label
+
+
+def _periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
+    """Period of each pendulum in s; None if none was given nor is needed (a single trace does without)."""
+    given = {label: _constant("period", value) for label, value in options.periods.items()}
+    known = ", ".join(pendulums)
+    if "" in given:
+        if len(pendulums) > 1:
+            raise UsageError(f"--period {given['']:g}: there are pendulums {known}; write LABEL=SECONDS for each")
+        given[pendulums[0]] = given.pop("")
+    for label in given:
+        if label not in pendulums:
+            raise UsageError(f"--period {label}=...: there is no pendulum '{label}'; pendulums: {known}")
+    if not given and not needed:
+        return None
+    for label in pendulums:
+        if label not in given:
+            raise UsageError(f"pendulum {label} has no period, which gravity needs; add --period {label}=SECONDS")
+    if needed and options.gravity is None:
+        raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+    return np.array([given[label] for label in pendulums])
+
+
+def _constant(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise UsageError(f"instrument: {name} = {shown(repr(value))} is not a number; correct it") from None
+
+
+def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, options: ImportOptions) -> xr.Dataset:
+    """Group /instrument; `UsageError`: a constant that is not known, or that has no value for a pendulum."""
+    values: dict[str, Any] = {} if period is None else {"period": period}
+    words, known = {}, rows_of("instrument")
+    stated = {} if options.gravity is None else {"reference_gravity": options.gravity}
+    for name, value in {**stated, **options.instrument}.items():
+        row = known.get(name)
         if name in ("restoring", "acceleration_frame"):
             words[name] = str(value)
         elif row is None or row.dtype != "f8" or "base" in row.dims:
-            names = (key[11:] for key in VARIABLES if key.startswith("instrument/") and "/base" not in key)
+            names = (each for each in known if not each.startswith("base"))
             near = difflib.get_close_matches(name, names, n=1, cutoff=0.0)[0]
             raise UsageError(f"instrument: '{shown(name)}' is not known; did you mean '{near}'?")
         elif row.dims == ("pendulum",):
@@ -176,23 +270,18 @@ def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, option
             lacking = [label for label in pendulums if label not in each]
             if lacking:
                 raise UsageError(f"instrument: {name} lacks pendulum {', '.join(lacking)}; give it as LABEL = NUMBER")
-            values[name] = np.array([constant(name, each[label]) for label in pendulums])
-        else:
-            values[name] = value if value is None else constant(name, value)
-    given = {name: value for name, value in values.items() if value is not None}
-    return dataset("instrument", given, {"pendulum": pendulums}).assign_attrs(words)
+            values[name] = np.array([_constant(name, each[label]) for label in pendulums])
+        elif value is not None:
+            values[name] = _constant(name, value)
+    return dataset("instrument", values, {"pendulum": pendulums}).assign_attrs(words)
 
 
-@dataclass(frozen=True)
-class Clock:
+class Clock(NamedTuple):
     """The times of a table."""
 
-    start: str
-    """ISO date for the units "seconds since ..."; a conventional one if the table gives numbers."""
-    reading: str
-    """What the table's own clock read at the first row."""
-    seconds: NDArray[np.float64]
-    """(rows,) seconds from the first row, strictly increasing."""
+    start: str  # ISO date for the units "seconds since ..."; a conventional one if the table gives numbers
+    reading: str  # of the table's own clock at the first row
+    seconds: NDArray[np.float64]  # (rows,) from the first row, strictly increasing
 
 
 def relative_times(table: Table, column: int) -> Clock:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from data_schemas.contents import shown
 from data_schemas.errors import RecordError, UsageError
-from data_schemas.ordinary import text_of
+from data_schemas.text_files import text_of
 
 MOST_COLUMNS = 1000
 _MISSING = frozenset({"", "-", "nan", "na", "n/a", "null", "none"})

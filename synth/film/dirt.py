@@ -68,8 +68,6 @@ class Dirt:
     def _tear_off(self, image: Pixels, first: int, tear: Floats) -> None:
         """Nothing is left of the paper beyond the tear: the scanner's lid shows."""
         map_ = self._geometry
-        if (first + len(image) - map_.corner[0]) + map_.width < float(np.min(tear)):
-            return
         y = np.arange(first, first + len(image), dtype=np.float64)[:, None] + 0.5 - map_.corner[0]
         x = np.arange(map_.columns, dtype=np.float64) + 0.5 - map_.corner[1]
         along = y * math.cos(map_.turn) + x * math.sin(map_.turn)
@@ -126,14 +124,9 @@ def _tear(film: Film, geometry: Geometry, seed: int) -> Floats:
 
 @kernel
 def draw_strokes(image: Pixels, first: int, strokes: Floats) -> None:
-    """Draw straight strokes with round ends over some rows; edges are soft over a pixel.
+    """Draw straight strokes with round ends over densities from row number `first` on; edges are soft over a pixel.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-        Densities; its first row is number `first` of the film.
-    strokes : (strokes, 6)
-        Row and column of both ends, half of the width, px, and the density that is left where a stroke passes.
+    Strokes are (strokes, 6): row and column of both ends, half of the width, px, and the density left where they pass.
     """
     rows, columns = image.shape
     for k in range(len(strokes)):

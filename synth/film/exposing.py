@@ -16,14 +16,14 @@ from data_schemas.film_description import description_path, film_stem
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
-from data_schemas.toml_text import toml_text
+from data_schemas.text_files import toml_text
 from data_schemas.writing import may_write, place_of, reason, write_text
 from synth.film.layout import STRIP, Pixels, plan_film
-from synth.film.named import film_of
-from synth.film.sidecars import ImageFile, TruthOfFilm, description_of
+from synth.film.sidecars import ImageFile, description_of, truth_of
 from synth.film.source import source_of
 from synth.film.strips import Development, Exposure, blurred, quantised
 from synth.phase import Floats
+from synth.shipped import load_film
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,10 +112,7 @@ def expose_to(
     source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
 ) -> Exposed:  # fmt: skip
-    """As `expose`, in memory that does not grow with the film: the truth is not read back.
-
-    Some tens of bytes a mark grow all the same, and what `synth.simulate_to` says of scenes.
-    """
+    """As `expose`, strip by strip: the truth is not read back. What grows with the film are its samples and marks."""
     target = Path(path)
     if target.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
@@ -124,16 +121,18 @@ def expose_to(
             may_write(place_of(one), one, overwrite)
         except OSError as error:
             raise FileError(f"{one}: cannot be written, {reason(error)}") from error
-    film = film_of(film, source)
+    if film is None:
+        film = source.film if isinstance(source, Scene) and source.film is not None else Film()
+    elif isinstance(film, str):
+        film = load_film(film)
     if seed is None:
         seed = film.seed if film.seed is not None else source.seed if isinstance(source, Scene) else 0
-    given = source_of(source)
-    plan = plan_film(given, film, seed)
-    exposure, development = Exposure(plan), Development(plan)
-    truth, transport, geometry = TruthOfFilm(plan), plan.transport, plan.geometry
+    plan = plan_film(source_of(source), film, seed)
+    exposure, development, truth = Exposure(plan), Development(plan), truth_of(plan)
+    transport, geometry = plan.transport, plan.geometry
     text = toml_text(description_of(plan).model_dump())
     made = Exposed(
-        geometry.rows, geometry.columns, geometry.length / geometry.pixels / 1000.0, given.traces,
+        geometry.rows, geometry.columns, geometry.length / geometry.pixels / 1000.0, plan.source.traces,
         target, description_path(target), film_truth_path(target),
     )  # fmt: skip
 
@@ -144,9 +143,9 @@ def expose_to(
 
         def strips() -> Iterator[Pixels]:
             for number in range(-(-made.rows // STRIP)):
-                latent, found = exposure.strip(number)
+                latent, crossings = exposure.strip(number)
                 rows: Floats = number * STRIP + np.arange(len(latent), dtype=np.float64) + 0.5
-                kept.append(truth.portion(transport.time_at(geometry.along_at_left(rows)), found))
+                kept.append(truth(transport.time_at(geometry.along_at_left(rows)), crossings))
                 yield development.strip(number, latent)
 
         done = 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,13 +102,9 @@ def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
         raise UsageError(f"film: the image would have {rows} rows; make the record shorter, or speed or dpi smaller")
     corner = (max(0.0, sine) * width, max(0.0, -sine) * length)
     # on the paper: down = before + along * s + lean * (across * u), right = across * u; then turned
-    down, right = (before, along, lean * across), (0.0, 0.0, across)
-    row = tuple(a * cosine - b * sine for a, b in zip(down, right, strict=True))
-    column = tuple(b * cosine + a * sine for a, b in zip(down, right, strict=True))
-    return Geometry(
-        max(rows, 1), max(columns, 1), (row[0] + corner[0], row[1], row[2]),
-        (column[0] + corner[1], column[1], column[2]), turn, corner, length, width, pixels,
-    )  # fmt: skip
+    row = (before * cosine + corner[0], along * cosine, lean * across * cosine - across * sine)
+    column = (before * sine + corner[1], along * sine, across * cosine + lean * across * sine)
+    return Geometry(max(rows, 1), max(columns, 1), row, column, turn, corner, length, width, pixels)
 
 
 @dataclass(frozen=True)
@@ -119,12 +115,6 @@ class Layout:
     offset: Floats
     lever: Floats
     """(traces,) across at rest, mm; later along the film, mm; mm/rad."""
-    swing: Floats
-    """(traces, 2) smallest and largest elongation, rad."""
-    rate: Floats
-    """(traces,) largest rate of the elongation, rad/s."""
-    light: tuple[Light, ...] = ()
-    """When each is lit."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +125,8 @@ class FilmPlan:
     film: Film
     seed: int
     layout: Layout
+    light: tuple[Light, ...]
+    """When each trace is lit."""
     transport: Transport
     geometry: Geometry
     marks: Marks
@@ -143,78 +135,61 @@ class FilmPlan:
 def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
     """Lay a film out.
 
-    `UsageError`: the swing does not fit on the paper, or the film lies too crooked.
+    `UsageError`: the film names a trace that the record has not, the swing does not fit on the paper, or the film lies
+    too crooked.
     """
-    layout = lay_out(source, film)
+    layout = _lay_out(source, film)
+    _refuse_overhang(source, film, layout)
     transport = Transport(film, source.begin, source.end, seed)
     geometry = geometry_of(film, transport.length, layout.offset)
-    refuse_doubling(source, film, layout, geometry)
+    _refuse_doubling(source, film, layout, geometry)
     marks = set_marks(film, source.begin, source.end, seed)
     light = tuple(light_of(film, marks, source.begin, source.end, dark) for dark in dark_stretches(source))
-    return FilmPlan(source, film, seed, replace(layout, light=light), transport, geometry, marks)
+    return FilmPlan(source, film, seed, layout, light, transport, geometry, marks)
 
 
-def lay_out(source: Source, film: Film) -> Layout:
-    """Place the traces as the film says, or evenly.
-
-    `UsageError`: the film names a trace that the record has not, or a trace does not fit on the paper.
-    """
+def _lay_out(source: Source, film: Film) -> Layout:
+    """Place the traces as the film says, or evenly."""
     named = {each.name: each for each in film.traces}
     for name in named:
         if name not in source.traces:
             raise UsageError(f"film.traces names {name!r}; the record has {', '.join(source.traces)}")
     count = len(source.traces)
-    position, offset, lever = np.empty(count), np.zeros(count), np.full(count, film.lever)
+    position = film.paper_width * (np.arange(count) + 0.5) / count
+    offset, lever = np.zeros(count), np.full(count, film.lever)
     for k, name in enumerate(source.traces):
-        position[k] = film.paper_width * (k + 0.5) / count
         own = named.get(name)
         if own is not None:
             offset[k] = own.offset
             lever[k] = own.lever if own.lever is not None else film.lever
             position[k] = own.position if own.position is not None else position[k]
-    layout = Layout(position, offset, lever, *_extremes(source))
-    _refuse_overhang(source, film, layout)
-    return layout
-
-
-def _extremes(source: Source) -> tuple[Floats, Floats]:
-    count = len(source.traces)
-    swing, rate = np.array([[np.inf, -np.inf]] * count), np.zeros(count)
-    for seconds, values in source.blocks():
-        with np.errstate(invalid="ignore"):
-            swing[:, 0] = np.fmin(swing[:, 0], np.fmin.reduce(values, axis=1))
-            swing[:, 1] = np.fmax(swing[:, 1], np.fmax.reduce(values, axis=1))
-            if seconds.size > 1:
-                rates = np.abs(np.diff(values, axis=1) / np.diff(seconds))
-                rate = np.fmax(rate, np.fmax.reduce(rates, axis=1))
-    return swing, rate
+    return Layout(position, offset, lever)
 
 
 def _refuse_overhang(source: Source, film: Film, layout: Layout) -> None:
     edge = _SPOTS * film.spot
-    for k, name in enumerate(source.traces):
-        low, high = layout.position[k] + layout.lever[k] * layout.swing[k]
+    for name, row, position, lever in zip(source.traces, source.elongation, layout.position, layout.lever, strict=True):
+        swing = np.array([np.fmin.reduce(row, initial=np.inf), np.fmax.reduce(row, initial=-np.inf)])
+        low, high = position + lever * swing
         if low >= edge and high <= film.paper_width - edge:
             continue
-        largest = float(np.max(np.abs(layout.swing[k])))
-        room = min(layout.position[k], film.paper_width - layout.position[k]) - edge
-        lever = math.floor(0.99 * max(room, 0.0) / largest)
+        room = min(position, film.paper_width - position) - edge
+        fitting = math.floor(0.99 * max(room, 0.0) / float(np.max(np.abs(swing))))
         raise UsageError(
             f"film: trace {name!r} would reach from {low:.1f} to {high:.1f} mm, over the edge of a paper of"
-            f" {film.paper_width:g} mm; give lever = {lever:g} or less"
-            f" (it is {layout.lever[k]:g} mm/rad), a wider paper_width, or positions"
+            f" {film.paper_width:g} mm; give lever = {fitting:g} or less"
+            f" (it is {lever:g} mm/rad), a wider paper_width, or positions"
         )
 
 
-def refuse_doubling(source: Source, film: Film, layout: Layout, geometry: Geometry) -> None:
-    """Refuse a skew or rotation so large that a line would run backwards along the film.
-
-    Raises `UsageError`.
-    """
+def _refuse_doubling(source: Source, film: Film, layout: Layout, geometry: Geometry) -> None:
+    """Refuse a skew or rotation so large that a line would run backwards along the film."""
     forwards = geometry.row[1] * film.speed * (1.0 - max(-film.drift, 0.0) - film.wow - 4.0 * film.walk)
-    for k, name in enumerate(source.traces):
-        if abs(geometry.row[2]) * layout.lever[k] * layout.rate[k] * _ROOM >= forwards:
-            slope = layout.lever[k] * layout.rate[k] / film.speed
+    steps = np.diff(source.time)
+    for name, row, lever in zip(source.traces, source.elongation, layout.lever, strict=True):
+        rate = np.fmax.reduce(np.abs(np.diff(row) / steps), initial=0.0)  # rad/s
+        if abs(geometry.row[2]) * lever * rate * _ROOM >= forwards:
+            slope = lever * rate / film.speed
             raise UsageError(
                 f"film.skew = {film.skew:g} with rotation = {film.rotation:g} degrees would make trace {name!r}, of"
                 f" slope {slope:.1f}, run backwards along the film; make their difference less than"
@@ -222,25 +197,13 @@ def refuse_doubling(source: Source, film: Film, layout: Layout, geometry: Geomet
             )
 
 
-def dark_stretches(source: Source) -> list[list[tuple[float, float]]]:
-    """Stretches without samples of each trace, (begin, end) s: there the lamp is off."""
-    dark: list[list[tuple[float, float]]] = [[] for _ in source.traces]
-    last = np.full(len(source.traces), source.begin)
-    since = np.full(len(source.traces), True)  # whether a missing sample, or nothing yet, came after the last good one
-    for seconds, values in source.blocks():
-        for k, row in enumerate(values):
-            good = np.flatnonzero(np.isfinite(row))
-            if not good.size:
-                since[k] = True
-                continue
-            times = np.concatenate([[last[k]], seconds[good]])
-            broken = np.concatenate([[bool(since[k]) or good[0] > 0], np.diff(good) > 1])
-            broken |= np.diff(times) > source.longest
-            for j in np.flatnonzero(broken).tolist():
-                if times[j + 1] > times[j]:
-                    dark[k].append((float(times[j]), float(times[j + 1])))
-            last[k], since[k] = seconds[good[-1]], good[-1] < row.size - 1
-    for k, stretches in enumerate(dark):
-        if last[k] < source.end:
-            stretches.append((float(last[k]), source.end))
+def dark_stretches(source: Source) -> list[Floats]:
+    """Stretches without samples of each trace, (stretches, 2) begin and end, s: there the lamp is off."""
+    dark = []
+    for row in source.elongation:
+        good = np.flatnonzero(np.isfinite(row))
+        times = np.concatenate([[source.begin], source.time[good], [source.end]])
+        broken = (np.diff(good, prepend=-1, append=row.size) > 1) | (np.diff(times) > source.longest)
+        stretches = np.column_stack([times[:-1], times[1:]])[broken]
+        dark.append(stretches[stretches[:, 1] > stretches[:, 0]])
     return dark

@@ -65,27 +65,24 @@ def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
     return Marks(time[order], minute[order], missing[order], spurious[order])
 
 
-def light_of(film: Film, marks: Marks, begin: float, end: float, dark: list[tuple[float, float]]) -> Light:
+def light_of(film: Film, marks: Marks, begin: float, end: float, dark: Floats) -> Light:
     """What falls on the film of one trace of a record from begin to end, s: before and after, the lamp is off.
 
-    `dark` are stretches without a record, s.
+    `dark` are stretches without a record, (stretches, 2) s.
     """
     shut = marks.time[marks.missing == 0]
-    closed = [(at - 0.5 * film.gap, at + 0.5 * film.gap) for at in shut.tolist()]
-    closed += [(each.start, each.stop) for each in film.blackouts] + dark
-    weak = [(each.start, each.stop, each.factor) for each in film.dimmings]
-    # the factor changes at these moments only; log of it would be additive, zeros are counted apart
-    edges = np.unique(np.clip(np.array([begin, end, *(t for pair in closed for t in pair),
-                                        *(t for triple in weak for t in triple[:2])]), begin, end))  # fmt: skip
-    count = np.zeros(edges.size, np.int64)
-    for first, last in closed:
-        count[np.searchsorted(edges, min(max(first, begin), end))] += 1
-        count[np.searchsorted(edges, min(max(last, begin), end))] -= 1
-    is_open = np.cumsum(count)[:-1] == 0
+    gaps = np.column_stack([shut - 0.5 * film.gap, shut + 0.5 * film.gap])
+    blackouts = np.array([(each.start, each.stop) for each in film.blackouts]).reshape(-1, 2)
+    closed = np.concatenate([gaps, blackouts, np.reshape(dark, (-1, 2))])
+    weak = [edge for each in film.dimmings for edge in (each.start, each.stop)]
+    # the light changes at these moments only
+    edges = np.unique(np.clip(np.concatenate([[begin, end], closed.ravel(), weak]), begin, end))
     middle = 0.5 * (edges[1:] + edges[:-1])
+    starts, stops = np.sort(closed, axis=0).T
+    is_open = np.searchsorted(starts, middle) == np.searchsorted(stops, middle)
     factor = np.full(middle.size, film.lamp)
-    for first, last, part in weak:
-        factor[(middle > first) & (middle < last)] *= part
+    for each in film.dimmings:
+        factor[(middle > each.start) & (middle < each.stop)] *= each.factor
     lit = is_open & (factor > 0.0)
     return Light(edges[:-1][lit], edges[1:][lit], factor[lit])
 
@@ -145,11 +142,10 @@ class Transport:
 
     def time_at(self, travel: Floats) -> Floats:
         """Time at a travel, s; to 1e-12 of the record's length, by Newton's steps kept in a shrinking bracket."""
-        low = np.full(travel.shape, self._begin + float(np.min(travel, initial=0.0)) / (0.1 * self._film.speed) - 1.0)
-        most = (
-            self._begin + self._length + (float(np.max(travel, initial=0.0)) - self.length) / (0.1 * self._film.speed)
-        )
-        high = np.full(travel.shape, max(most, self._begin + self._length) + 1.0)
+        end, slowest = self._begin + self._length, 0.1 * self._film.speed
+        low = np.full(travel.shape, self._begin + float(np.min(travel, initial=0.0)) / slowest - 1.0)
+        most = end + (float(np.max(travel, initial=0.0)) - self.length) / slowest
+        high = np.full(travel.shape, max(most, end) + 1.0)
         time = np.clip(self._begin + travel / self._film.speed, low, high)
         for _ in range(80):
             error = self.travel(time) - travel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from types import TracebackType
 from typing import IO, Any, Self
@@ -13,8 +14,7 @@ from numpy.typing import NDArray
 
 from data_schemas.contents import Contents, Entry, Group, shown
 from data_schemas.errors import FileError, UsageError
-from data_schemas.film_conditions import BASE, BASES, PERIODS
-from data_schemas.film_description import DescribedInstrument, DescribedPendulum, FilmDescription
+from data_schemas.film_description import BASE, BASES, PERIODS, DescribedInstrument, DescribedPendulum, FilmDescription
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.variables import attributes
 from data_schemas.writing import beside, give_name, may_write, place_of, reason
@@ -62,36 +62,37 @@ def _bases(known: dict[str, Any], labels: list[str], shown: tuple[str, ...]) -> 
     return bases
 
 
-class TruthOfFilm:
-    """Lays out the truth of a film, portion by portion."""
+def truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
+    """Lay out the truth of some rows of a film, given the times of their centre lines at the left edge, (rows,) s."""
+    source, layout, marks = plan.source, plan.layout, plan.marks
+    attrs = {
+        "Conventions": CONVENTIONS, "schema": LAYOUTS["film-truth"].schema, "schema_version": VERSION,
+        "record_id": source.record_id, "title": source.title, "history": f"exposed with seed {plan.seed}",
+        "source": "model", "film": plan.film.model_dump_json(), "seed": plan.seed,
+        **({} if source.scene is None else {"scene": source.scene.model_dump_json()}),
+    }  # fmt: skip
+    clock = attributes("time") | {"units": f"seconds since {source.start_time}"}
+    labels = {"trace": label_array(source.traces)}
+    places = {"optical_lever": layout.lever, "position": layout.position, "offset": layout.offset}
+    rows = plan.geometry.row_at_left(plan.transport.travel(marks.time))
+    flags = {"minute": marks.minute, "missing": marks.missing, "spurious": marks.spurious}
+    marked: dict[str, Any] = {"mark_time": marks.time, "mark_row": rows, **flags}
+    marks_group = described("marks", {name: (("mark",), value) for name, value in marked.items()}, {})
 
-    def __init__(self, plan: FilmPlan) -> None:
-        source, layout, marks = plan.source, plan.layout, plan.marks
-        scene = {} if source.scene is None else {"scene": source.scene.model_dump_json()}
-        layer = {"schema": LAYOUTS["film-truth"].schema, "schema_version": VERSION, "record_id": source.record_id}
-        told = {"title": source.title, "history": f"exposed with seed {plan.seed}", "source": "model"}
-        made = {"film": plan.film.model_dump_json(), "seed": plan.seed, **scene}
-        self._attrs = {"Conventions": CONVENTIONS, **layer, **told, **made}
-        self._units = f"seconds since {source.start_time}"
-        self._labels = {"trace": label_array(source.traces)}
-        one = ("trace",)
-        places = {"optical_lever": layout.lever, "position": layout.position, "offset": layout.offset}
-        self._places = {name: (one, value) for name, value in places.items()}
-        rows = plan.geometry.row_at_left(plan.transport.travel(marks.time))
-        flags = {"minute": marks.minute, "missing": marks.missing, "spurious": marks.spurious}
-        marked: dict[str, Any] = {"mark_time": marks.time, "mark_row": rows, **flags}
-        self._marks = described("marks", {name: (("mark",), value) for name, value in marked.items()}, {})
-
-    def portion(self, time: Floats, found: Crossings) -> Contents:
-        """The truth of some rows, given the times of their centre lines at the left edge, (rows,) s."""
-        slices = {"exposure_time": found.time, "elongation": found.elongation}
-        slices |= {"column": found.column, "slope": found.slope}
-        both = {name: (("trace", "time"), value) for name, value in slices.items()}
+    def portion(time: Floats, crossings: Crossings) -> Contents:
+        slices = {
+            "exposure_time": crossings.time, "elongation": crossings.elongation,
+            "column": crossings.column, "slope": crossings.slope,
+        }  # fmt: skip
+        variables: dict[str, Any] = {name: (("trace",), value) for name, value in places.items()}
+        variables |= {name: (("trace", "time"), value) for name, value in slices.items()}
         return {
-            "": Group(dict(self._attrs), {"time": Entry(("time",), time, attributes("time") | {"units": self._units})}),
-            "slices": described("slices", self._places | both, self._labels),
-            "marks": self._marks,
+            "": Group(dict(attrs), {"time": Entry(("time",), time, clock)}),
+            "slices": described("slices", variables, labels),
+            "marks": marks_group,
         }
+
+    return portion
 
 
 class ImageFile:
@@ -115,8 +116,9 @@ class ImageFile:
         try:
             tifffile: Any = import_module("tifffile")
         except ImportError:
-            remedy = "install it with: pip install 'isochrony[film]'"
-            raise UsageError(f"films need the package tifffile; {remedy}") from None
+            raise UsageError(
+                "films need the package tifffile; install it with: pip install 'isochrony[film]'"
+            ) from None
         with self._told():
             may_write(self._target, self._path, self._overwrite)
             with tifffile.TiffWriter(self._temporary, bigtiff=True, byteorder="<") as made:
@@ -156,7 +158,7 @@ class ImageFile:
             give_name(self._temporary, self._target, self._path, self._overwrite)
 
     @contextlib.contextmanager
-    def _told(self) -> Any:
+    def _told(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

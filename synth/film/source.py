@@ -1,18 +1,14 @@
-"""What is exposed: the elongations of a record, or of a scene without its recording's noise and defects.
-
-Between the samples lies a spline of degree 5, made piece by piece in bounded memory.
-"""
+"""What is exposed: the elongations of a record, or of a scene without its recording's noise and defects."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_schemas.contents import Contents, from_tree
 from data_schemas.errors import RecordError
@@ -25,19 +21,14 @@ if TYPE_CHECKING:
 
 
 RATE = 100
-"""Readings a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s."""
+"""Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s."""
 
 FEWEST = 8
 """Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5."""
 
-BETWEEN = 60.0
-"""Seconds between two readings of the thermometers."""
-
-BLOCK = 8192
-_KEPT = 1 << 20  # values of a scene that are kept rather than simulated twice
-
-Blocks = Iterator[tuple[Floats, Floats]]
-_BESIDE = 64  # samples beyond a block that its spline sees: what lies further away counts 0.43^64 = 1e-23
+_BETWEEN = 60.0  # s between two readings of the thermometers
+BLOCK = 1 << 16  # samples of one set of splines
+_BESIDE = 64  # samples beyond a block that its splines see: what lies further away counts 0.43^64 = 1e-23
 _DEGREE = 5
 
 
@@ -58,15 +49,28 @@ class Source:
     restoring: str
     readings: list[dict[str, float]]
     """Conditions that change with time, as an observer would read them: once a minute and at the end."""
-    begin: float
-    end: float
-    step: float
-    """Time of the first and last sample and the usual time between two, s."""
     longest: float
     """Samples further apart than this belong to a gap, s."""
-    blocks: Callable[[], Blocks]
-    """Gives (seconds, elongation) block by block, (samples,) s and (traces, samples) rad, always the same."""
+    time: Floats
+    """(samples,) s."""
+    elongation: Floats
+    """(traces, samples) rad."""
     scene: Scene | None = None
+
+    @property
+    def begin(self) -> float:
+        """Time of the first sample, s."""
+        return float(self.time[0])
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample, s."""
+        return float(self.time[-1])
+
+    @property
+    def step(self) -> float:
+        """Usual time between two samples, s."""
+        return float(np.median(np.diff(self.time)))
 
 
 def source_of(given: xr.DataTree | Scene) -> Source:
@@ -79,8 +83,8 @@ def source_of(given: xr.DataTree | Scene) -> Source:
 
 
 def _of_scene(scene: Scene) -> Source:
-    from synth.conditions import stated
     from synth.recording.clock import set_clock
+    from synth.recording.observe import stated
     from synth.streaming import stream
 
     bare = Recording(
@@ -89,29 +93,19 @@ def _of_scene(scene: Scene) -> Source:
     )  # fmt: skip
     perfect = Scene.model_validate(dict(scene) | {"recording": bare})
     clock = set_clock(perfect)
-    small = clock.count * len(scene.traces) <= _KEPT
-    kept: list[Contents] = []
-
-    def portions() -> Iterable[Contents]:
-        return (record for record, _ in stream(perfect, clock))
-
-    if small:
-        kept = list(portions())
-    first = kept[0] if small else next(iter(portions()))
-
-    def blocks() -> Blocks:
-        for portion in kept or portions():
-            yield portion[""].variables["time"].values, portion["record"].variables["elongation"].values
-
-    last = (clock.count - 1) / RATE
-    read = np.unique(np.append(np.arange(0.0, last, BETWEEN), last))
-    changing = {
-        name: value for name, (dims, value) in stated(perfect, read * float(clock.scale)).items() if "time" in dims
-    }
-    readings = _readings(read, changing)
+    known: dict[str, Any] = {}
+    pieces = []
+    for record, _ in stream(perfect, clock):
+        known = known or _known(record)
+        pieces.append(record["record"].variables["elongation"].values)
+    time = clock.seconds
+    read = np.unique(np.append(np.arange(0.0, time[-1], _BETWEEN), time[-1]))
+    conditions = stated(perfect, read * float(clock.scale)).items()
+    changing = {name: value for name, (dims, value) in conditions if "time" in dims}
     return Source(
-        **_known(first), readings=readings, begin=0.0, end=last, step=1 / RATE, longest=1.0, blocks=blocks, scene=scene
-    )
+        **known, readings=_readings(read, changing), longest=1.0, time=time,
+        elongation=np.concatenate(pieces, axis=1), scene=scene,
+    )  # fmt: skip
 
 
 def _of_record(record: Contents) -> Source:
@@ -131,19 +125,11 @@ def _of_record(record: Contents) -> Source:
             f" are needed); simulate with sampling_rate = {np.ceil(FEWEST / shortest):g} or more, or"
             " expose the scene itself"
         )
-
-    def blocks() -> Blocks:
-        for at in range(0, time.size, BLOCK):
-            yield time[at : at + BLOCK], elongation[:, at : at + BLOCK]
-
-    at = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], BETWEEN)), time.size - 1))
-    instrument = record.get("instrument")
-    stated = {} if instrument is None else instrument.variables
+    at = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _BETWEEN)), time.size - 1))
+    stated = record["instrument"].variables if "instrument" in record else {}
     changing = {name: one.values[at] for name, one in stated.items() if one.dims == ("time",)}
-    return Source(
-        **known, readings=_readings(time[at], changing), begin=float(time[0]), end=float(time[-1]), step=step,
-        longest=shortest / FEWEST, blocks=blocks,
-    )  # fmt: skip
+    readings = _readings(time[at], changing)
+    return Source(**known, readings=readings, longest=shortest / FEWEST, time=time, elongation=elongation)
 
 
 def _readings(time: Floats, changing: dict[str, Any]) -> list[dict[str, float]]:
@@ -183,85 +169,54 @@ def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Float
     return shortest
 
 
-class _Curve:
-    """One trace over one block: a spline through every unbroken run of samples, straight lines between runs."""
-
-    def __init__(self, time: Floats, values: Floats, longest: float, beyond: float) -> None:
-        from scipy.interpolate import make_interp_spline
-
-        good = np.isfinite(values)
-        self._time, self._values, self._beyond = time[good], values[good], beyond
-        self._splines: list[tuple[float, float, Any]] = []
-        for run in runs(time, values, longest):
-            if run.size > 1:
-                spline = make_interp_spline(time[run], values[run], k=min(_DEGREE, run.size - 1))
-                self._splines.append((float(time[run[0]]), float(time[run[-1]]), spline))
-
-    def at(self, times: Floats) -> tuple[Floats, Floats]:
-        """Value and rate."""
-        if not self._time.size:
-            return np.zeros(times.size), np.zeros(times.size)
-        value, rate = np.interp(times, self._time, self._values), np.zeros(times.size)
-        for begin, end, spline in self._splines:
-            here = slice(*np.searchsorted(times, [begin - self._beyond, end + self._beyond]))
-            value[here], rate[here] = spline(times[here]), spline(times[here], 1)
-        return value, rate
-
-
-class Course:
-    """The elongation of every trace at any time, asked for in order of time.
+class Curves:
+    """The elongation of every trace at any time: splines of degree 5 through unbroken runs of samples, straight lines
+    between runs.
 
     Parameters
     ----------
     source
-    node : float
+    beyond : float
         How far beyond a run of samples its curve is wanted, s.
     """
 
-    def __init__(self, source: Source, node: float) -> None:
-        self._longest, self._node = source.longest, node
-        self._coming = self._pieces(source.blocks())
-        self._held: deque[tuple[float, float, list[_Curve]]] = deque()  # begin, end, one curve a trace
+    def __init__(self, source: Source, beyond: float) -> None:
+        self._source, self._beyond = source, beyond
+        self._starts = source.time[BLOCK::BLOCK]  # of all blocks but the first
+        self._block = functools.lru_cache(maxsize=2)(self._splines)
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
-        """Elongation and its rate, (traces, times) rad and rad/s, at increasing times; none may lie before the last
-        call's first.
-        """
-        held = self._held
-        while held and held[0][1] <= times[0]:
-            held.popleft()
-        while not held or held[-1][1] <= times[-1]:
-            piece = next(self._coming, None)
-            if piece is None:
-                break
-            if piece[1] > times[0]:
-                held.append(piece)
-        found = []
-        for begin, end, curves in held:
-            here = times[(times >= begin) & (times < end)]
-            found.append(np.array([curve.at(here) for curve in curves]))
+        """Elongation and its rate, (traces, times) rad and rad/s, at increasing times."""
+        owner = np.searchsorted(self._starts, times, side="right")
+        found = [
+            np.array([curve(times[owner == block]) for curve in self._block(block)])
+            for block in np.unique(owner).tolist()
+        ]
         value, rate = np.concatenate(found, axis=2).swapaxes(0, 1)
         return value, rate
 
-    def _pieces(self, blocks: Blocks) -> Any:
-        before: tuple[Floats, Floats] | None = None
-        here = next(blocks)
-        begin = -np.inf
-        while True:
-            after = next(blocks, None)
-            near = [] if before is None else [(before[0][-_BESIDE:], before[1][:, -_BESIDE:])]
-            near += [here] if after is None else [here, (after[0][:_BESIDE], after[1][:, :_BESIDE])]
-            time = np.concatenate([each[0] for each in near])
-            values = np.concatenate([each[1] for each in near], axis=1)
-            end = np.inf if after is None else float(after[0][0])
-            yield begin, end, [_Curve(time, row, self._longest, self._node) for row in values]
-            if after is None:
-                return
-            before, here, begin = here, after, end
+    def _splines(self, block: int) -> list[Callable[[Floats], tuple[Floats, Floats]]]:
+        """Curve of each trace over a block of samples."""
+        here = slice(max(block * BLOCK - _BESIDE, 0), (block + 1) * BLOCK + _BESIDE)
+        time = self._source.time[here]
+        return [self._curve(time, row[here]) for row in self._source.elongation]
 
+    def _curve(self, time: Floats, values: Floats) -> Callable[[Floats], tuple[Floats, Floats]]:
+        from scipy.interpolate import make_interp_spline
 
-def runs(time: Floats, values: Floats, longest: float) -> list[NDArray[np.intp]]:
-    """Indices of samples that follow each other without a NaN or a long pause between them."""
-    good = np.flatnonzero(np.isfinite(values))
-    broken = (np.diff(good) > 1) | (np.diff(time[good]) > longest)
-    return [run for run in np.split(good, np.flatnonzero(broken) + 1) if run.size]
+        good = np.flatnonzero(np.isfinite(values))
+        broken = (np.diff(good) > 1) | (np.diff(time[good]) > self._source.longest)
+        runs = [run for run in np.split(good, np.flatnonzero(broken) + 1) if run.size > 1]
+        splines = [make_interp_spline(time[run], values[run], k=min(_DEGREE, run.size - 1)) for run in runs]
+
+        def at(times: Floats) -> tuple[Floats, Floats]:
+            if not good.size:
+                return np.zeros(times.size), np.zeros(times.size)
+            value, rate = np.interp(times, time[good], values[good]), np.zeros(times.size)
+            for run, spline in zip(runs, splines, strict=True):
+                ends = time[run[0]] - self._beyond, time[run[-1]] + self._beyond
+                here = slice(*np.searchsorted(times, ends))
+                value[here], rate[here] = spline(times[here]), spline(times[here], 1)
+            return value, rate
+
+        return at

@@ -38,16 +38,10 @@ class Line(NamedTuple):
 
 
 def spot_table(sigma: float) -> Floats:
-    """How much of a Gaussian lies below a distance: entry i is for (i / FINE - half the table) sigmas.
-
-    Parameters
-    ----------
-    sigma : float
-        px; the table reaches two pixels beyond `REACH`.
-    """
+    """How much of a Gaussian lies below a distance: entry i is for (i / FINE - half the table) sigmas, sigma in px."""
     from scipy.special import ndtr
 
-    half = int((REACH + 2.0 / sigma) * FINE) + 2
+    half = int((REACH + 2.0 / sigma) * FINE) + 2  # two pixels beyond the reach
     return ndtr(np.arange(-half, half + 1) / FINE)
 
 
@@ -78,20 +72,9 @@ def draw_line(
     Each pixel gets the mean over its area. Stretches of light are cut into steps short against the spot, and the spot
     is put down at the two places of Gauss in each: exact to 1e-6, and to 3e-4 at the edge of a gap.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-        Added to; its first row is number `first` of the film.
-    line : Line
-    lit : Light
-    sigma : float
-        Of the spot, px.
-    weight : float
-        Exposure per second, times the area of a pixel.
-    table : (entries,)
-        Of `spot_table`.
-    across : (places,) work space
-        At least 2 REACH sigma + 3 long.
+    The image is (rows, columns) float32, its first row number `first` of the film; sigma is that of the spot, px; the
+    weight exposure per second times the area of a pixel; the table that of `spot_table`; `across` work space of at
+    least 2 REACH sigma + 3 places.
     """
     time, row, row_rate, column, column_rate, _, _ = line
     begin, end, light = lit
@@ -141,15 +124,9 @@ def draw_line(
 
 @kernel
 def cross_rows(first: int, line: Line, moment: Floats, place: Floats, slope: Floats, elongation: Floats) -> None:
-    """Find where a line that runs forwards crosses the centre lines of rows.
+    """Find where a line that runs forwards crosses the centre lines of rows, from number `first` on.
 
-    Parameters
-    ----------
-    first : int
-        Number of the first row.
-    line : Line
-    moment, place, slope, elongation : (rows,)
-        Filled: s, px, px/px, rad; left as they are in rows that the line does not reach.
+    Filled are moment, place, slope and elongation, (rows,) s, px, px/px, rad, but in rows that the line does not reach.
     """
     time, row, row_rate, column, column_rate, swing, swing_rate = line
     j = 0
@@ -176,19 +153,10 @@ def develop(
     image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, density_max: float,
     half_exposure: float, gamma: float,
 ) -> None:  # fmt: skip
-    """Turn exposure into density, in place; what is not paper gets none.
+    """Turn exposure (rows, columns) into density, in place, by the characteristic curve; what is not paper gets none.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-    left, right : (rows,) int64
-        First column of the paper and the one after its last.
-    fog : (rows,) float64
-        At column 0.
-    fog_rise : float
-        From column to column.
-    density_max, half_exposure, gamma : float
-        Of the characteristic curve.
+    `left` and `right` are the first column of the paper in each row and the one after its last; `fog` is that of each
+    row at column 0, and rises by `fog_rise` from column to column.
     """
     rows, columns = image.shape
     least = 1e-6 * half_exposure
@@ -206,19 +174,10 @@ def develop(
 
 @kernel
 def scan(image: Pixels, noise: Pixels, grain: np.float32, scale: np.float32, brightness: Pixels) -> None:
-    """Turn density into the light that the scanner sees, 0 to 1, in place.
+    """Turn density (rows, columns) into the light that the scanner sees, 0 to 1, in place.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-    noise : (rows, columns) float32
-        Standard normal.
-    grain : float32
-        1 sigma of the density where it is 1.
-    scale : float32
-        Natural logarithm of the light per density, negative.
-    brightness : (columns,) float32
-        Of the scanner's lamp.
+    The noise is standard normal, the grain 1 sigma of the density where it is 1; `scale` is the natural logarithm of
+    the light per density, negative; the brightness that of the scanner's lamp, (columns,).
     """
     rows, columns = image.shape
     for y in range(rows):

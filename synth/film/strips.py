@@ -1,4 +1,4 @@
-"""The image strip by strip: each from the course of the traces around it; the same bits however it is cut."""
+"""The image strip by strip: each from the curves of the traces around it; the same bits however it is cut."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from synth.film.dirt import Dirt
 from synth.film.layout import STRIP, FilmPlan, Pixels
-from synth.film.source import Course
+from synth.film.source import Curves
 from synth.film.spot_kernels import REACH, SCANNER_RANGE, Line, cross_rows, develop, draw_line, scan, spot_table
 from synth.phase import Floats
 from synth.seeds import generator
@@ -35,9 +35,9 @@ class Exposure:
     def __init__(self, plan: FilmPlan) -> None:
         film, geometry, layout, source = plan.film, plan.geometry, plan.layout, plan.source
         self._geometry, self._transport, self._layout = geometry, plan.transport, layout
-        self._begin, self._end = source.begin, source.end
+        self._light, self._begin, self._end = plan.light, source.begin, source.end
         self._node = min(NODE, source.step)
-        self._course = Course(source, self._node)
+        self._curves = Curves(source, self._node)
         self._last_node = math.ceil((source.end - source.begin) / self._node)
         self._sigma = film.spot * geometry.pixels
         self._weight = film.speed * geometry.pixels * math.sqrt(2 * math.pi) * self._sigma
@@ -57,7 +57,7 @@ class Exposure:
         nodes = self._nodes(first, first + rows)
         if nodes.size < 2:
             return image, found
-        swing, swing_rate = self._course.at(nodes)
+        swing, swing_rate = self._curves.at(nodes)
         travel, speed = self._transport.travel(nodes), self._transport.speed(nodes)
         place, map_ = self._layout, self._geometry
         for k in range(traces):
@@ -67,7 +67,7 @@ class Exposure:
             row_rate = map_.row[1] * speed + map_.row[2] * across_rate
             column_rate = map_.column[1] * speed + map_.column[2] * across_rate
             line = Line(nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k])
-            light = place.light[k].between(float(nodes[0]), float(nodes[-1]))
+            light = self._light[k].between(float(nodes[0]), float(nodes[-1]))
             draw_line(image, first, line, light, self._sigma, self._weight, self._table, self._across)
             cross_rows(first, line, found.time[k], found.column[k], found.slope[k], found.elongation[k])
         return image, found
@@ -130,20 +130,14 @@ def blurred(strips: Iterator[Pixels], sigma: float) -> Iterator[Pixels]:
         return gaussian_filter1d(image, sigma, axis=axis, mode="nearest", radius=radius)
 
     above: Pixels | None = None
-    here = along(next(strips), 1)
-    while True:
+    here: Pixels | None = along(next(strips), 1)
+    while here is not None:
         coming = next(strips, None)
         below = None if coming is None else along(coming, 1)
         top = np.repeat(here[:1], radius, axis=0) if above is None else above
-        if below is None:
-            under = np.repeat(here[-1:], radius, axis=0)
-        else:
-            under = below[:radius]
-            if len(under) < radius:
-                under = np.concatenate([under, np.repeat(under[-1:], radius - len(under), axis=0)])
+        under = here[-1:] if below is None else below[:radius]
+        under = np.pad(under, ((0, radius - len(under)), (0, 0)), mode="edge")
         yield along(np.concatenate([top, here, under]), 0)[radius : radius + len(here)]
-        if below is None:
-            return
         above, here = here[-radius:], below
 
 

@@ -38,14 +38,10 @@ _STEP = 1e-30
 class Regime(NamedTuple):
     """One synchronous regime, y_i = A_i cos(z - alpha_i), x = -X cos 2z, z = w t/2."""
 
-    beta: float
-    """w0^2/w^2 - 1, w the beam's frequency."""
-    q: float
-    """2X/l, not below 0."""
-    alpha: tuple[float, float]
-    """rad, in (-pi/2, pi/2]."""
-    amplitude: tuple[float, float]
-    """A_i, about 2."""
+    beta: float  # w0^2/w^2 - 1, w the beam's frequency
+    q: float  # 2X/l, not below 0
+    alpha: tuple[float, float]  # rad, in (-pi/2, pi/2]
+    amplitude: tuple[float, float]  # A_i, about 2
 
     @property
     def offset(self) -> float:
@@ -56,17 +52,9 @@ class Regime(NamedTuple):
 def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     """Return all synchronous regimes of the harmonic balance, by rising beta.
 
-    Parameters
-    ----------
-    clocks : Clocks
-    shifts : bool
-        Whether the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits: the
-        solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
-
-    Raises
-    ------
-    UsageError
-        Parameters that cannot be meant.
+    With `shifts` the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits:
+    the solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
+    `UsageError` for parameters that cannot be meant.
 
     Examples
     --------
@@ -76,28 +64,27 @@ def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     0.0127 0.00218 0.0
     """
     equations = _Equations(checked(clocks), shifts)
-    found: list[Regime] = []
     low, high = equations.interval()
-    for root in real_roots(resultant(equations.conics), low, high, _WIDTH) if low < high else []:
-        for point in equations.intersections(float(root)):
-            polished = equations.polished(point)
-            if polished is None:
-                continue
-            regime = equations.regime(polished)
-            if regime is not None and not any(_same(regime, other) for other in found):
-                found.append(regime)
+    roots = real_roots(resultant(equations.conics), low, high, _WIDTH) if low < high else []
+    candidates = [equations.regime(point) for root in roots for point in equations.intersections(float(root))]
     if clocks.detuning[0] == clocks.detuning[1]:
-        found += [each for each in equations.quadratures() if not any(_same(each, other) for other in found)]
-    return sorted(found, key=lambda each: (each.beta, each.q, each.offset))
+        candidates.append(equations.quadrature())
+    regimes: list[Regime] = []
+    for each in candidates:
+        if each is not None and not any(_same(each, other) for other in regimes):
+            regimes.append(each)
+    return sorted(regimes, key=lambda each: (each.beta, each.q, each.offset))
 
 
 def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats:
     """What is left of the six equations (7), (7), (8): (6,), as printed with A_i in (8)."""
-    delta, delta0, felt = _numbers(regime.beta, clocks, shifts)
+    stretch = math.sqrt(1.0 + regime.beta)
+    delta, delta0 = clocks.drive * stretch, clocks.beam_damping * stretch
+    less, arc = (0.125 * delta * delta, 0.5 * clocks.swing**2) if shifts else (0.0, 0.0)
     left = []
-    for angle, size, (detuning, per_share) in zip(regime.alpha, regime.amplitude, felt, strict=True):
+    for angle, size, tau in zip(regime.alpha, regime.amplitude, clocks.detuning, strict=True):
         share = 0.25 * size * size
-        own, loss = detuning - per_share * share, delta * (1.0 - share)
+        own, loss = (1.0 + regime.beta) * (1.0 + tau) - 1.0 - less - arc * share, delta * (1.0 - share)
         left.append((own - regime.q) * math.cos(angle) - loss * math.sin(angle))
         left.append((own + regime.q) * math.sin(angle) + loss * math.cos(angle))
     cosines = sum(a * a * math.cos(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
@@ -111,19 +98,8 @@ def followed(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Regime 
 
     For continuation in small steps, hundreds of times faster than `solutions`; q must not be 0.
     """
-    equations = _Equations(checked(clocks), shifts)
     shares = [1.0 - 0.25 * size * size for size in regime.amplitude]
-    point = equations.polished(np.array([regime.beta, *shares]))
-    return None if point is None else equations.regime(point)
-
-
-def _numbers(beta: float, clocks: Clocks, shifts: bool) -> tuple[float, float, list[tuple[float, float]]]:
-    """delta, delta0, and of each clock the detuning Delta felt at no swing and what a unit of A^2/4 takes from it."""
-    stretch = math.sqrt(1.0 + beta)
-    delta = clocks.drive * stretch
-    less, arc = (0.125 * delta * delta, 0.5 * clocks.swing**2) if shifts else (0.0, 0.0)
-    felt = [((1.0 + beta) * (1.0 + tau) - 1.0 - less, arc) for tau in clocks.detuning]
-    return delta, clocks.beam_damping * stretch, felt
+    return _Equations(checked(clocks), shifts).regime(np.array([regime.beta, *shares]))
 
 
 def _same(one: Regime, other: Regime) -> bool:
@@ -141,13 +117,12 @@ class _Equations:
     """The three conics of one pair of clocks."""
 
     def __init__(self, clocks: Clocks, shifts: bool) -> None:
-        self.clocks, self.shifts = clocks, shifts
-        exact = Fraction
-        self._drive, self._coupling = exact(clocks.drive), exact(clocks.coupling)
-        self._arc = exact(clocks.swing) ** 2 / 2 if shifts else exact(0)
-        less = self._drive**2 / 8 if shifts else exact(0)
-        self._tuning = [1 + exact(tau) - less for tau in clocks.detuning]
-        self._feed = self._coupling * self._drive / (2 * exact(clocks.beam_damping))  # s = feed sum g (1 - g)
+        self._clocks, self._shifts = clocks, shifts
+        self._drive, self._coupling = Fraction(clocks.drive), Fraction(clocks.coupling)
+        self._arc = Fraction(clocks.swing) ** 2 / 2 if shifts else Fraction(0)
+        less = self._drive**2 / 8 if shifts else Fraction(0)
+        self._tuning = [1 + Fraction(tau) - less for tau in clocks.detuning]
+        self._feed = self._coupling * self._drive / (2 * Fraction(clocks.beam_damping))  # s = feed sum g (1 - g)
 
     def interval(self) -> tuple[Fraction, Fraction]:
         """Where beta can be: |(1 + beta)(1 + tau_i) - 1 - arc G_i| <= sqrt(s), with s <= feed/2 and 0 <= G_i."""
@@ -173,7 +148,7 @@ class _Equations:
         beta, first, second = point
         d1, d2, arc, loss = self._detunings(beta)
         e1, e2 = d1 + arc * first, d2 + arc * second
-        feed, half = float(self._feed), 0.5 * self.clocks.coupling
+        feed, half = float(self._feed), 0.5 * self._clocks.coupling
         s = feed * (first * (1.0 - first) + second * (1.0 - second))
         third = beta * s - half * ((1.0 - first) * e1 + (1.0 - second) * e2)
         scale = feed if feed > 0.0 else 1.0
@@ -189,7 +164,7 @@ class _Equations:
         """D_1, D_2, arc and delta^2."""
         arc = float(self._arc)
         one, two = ((1.0 + beta) * float(tuning) - 1.0 - arc for tuning in self._tuning)
-        return one, two, arc, self.clocks.drive**2 * (1.0 + beta)
+        return one, two, arc, self._clocks.drive**2 * (1.0 + beta)
 
     def intersections(self, beta: float) -> Iterator[Floats]:
         """Real points (beta, g_1, g_2) on the first two conics, nearly: candidates.
@@ -213,9 +188,8 @@ class _Equations:
                     one, two = (m, p) if swapped else (p, m)
                     yield np.array([beta, 0.5 * (one + two) - t1, 0.5 * (one - two) - t2])
 
-    def polished(self, point: Floats) -> Floats | None:
-        """Newton from a candidate; None where it leads nowhere, or away from this root."""
-        place: Floats = point.copy()
+    def _polished(self, place: Floats) -> Floats | None:
+        """Newton from a candidate; None where it leads nowhere."""
         before = math.inf
         with np.errstate(all="ignore"):
             for _ in range(40):
@@ -223,20 +197,21 @@ class _Equations:
                 if not np.isfinite(matrix).all():
                     return None
                 size = np.abs(matrix).max(axis=0)
-                step = np.linalg.lstsq(matrix / np.where(size > 0.0, size, 1.0), self._values(place), rcond=None)[0]
-                step = step / np.where(size > 0.0, size, 1.0)
+                size = np.where(size > 0.0, size, 1.0)
+                step = np.linalg.lstsq(matrix / size, self._values(place), rcond=None)[0] / size
                 place = place - step
                 reach = float(np.abs(step / (1e-3 + np.abs(place))).max())
                 # near a fold rounding alone moves the point: a step that no longer shrinks is one
                 if reach <= _SETTLED or (reach <= _ROUNDED and reach > 0.5 * before):
-                    break
+                    return place
                 before = reach
-            else:
-                return None
-        return place
+        return None
 
-    def regime(self, point: Floats) -> Regime | None:
-        """Angles and amplitudes of a point, if these are real ones and q is not 0."""
+    def regime(self, candidate: Floats) -> Regime | None:
+        """The regime at a solution next to a candidate, if there is one whose angles are real and q not 0."""
+        point = self._polished(candidate)
+        if point is None:
+            return None
         beta, *g = (float(each) for each in point)
         if not (beta > -1.0 and max(g) < 1.0):
             return None
@@ -245,14 +220,14 @@ class _Equations:
         phasors = [complex(own + arc * each, -delta * each) for own, each in zip((d1, d2), g, strict=True)]
         q = math.sqrt(0.5 * (abs(phasors[0]) ** 2 + abs(phasors[1]) ** 2))
         if q < 1e-9 * math.sqrt(float(self._feed)):
-            return None  # the beam at rest: `quadratures`
+            return None  # the beam at rest: `quadrature`
         angles = [_folded(0.5 * math.atan2(each.imag, each.real)) for each in phasors]
         sizes = [2.0 * math.sqrt(1.0 - each) for each in g]
         regime = Regime(beta, q, (angles[0], angles[1]), (sizes[0], sizes[1]))
-        scale = max(q, self.clocks.coupling)
-        return regime if np.abs(residuals(regime, self.clocks, shifts=self.shifts)).max() < 1e-9 * scale else None
+        left = np.abs(residuals(regime, self._clocks, shifts=self._shifts)).max()
+        return regime if left < 1e-9 * max(q, self._clocks.coupling) else None
 
-    def quadratures(self) -> list[Regime]:
+    def quadrature(self) -> Regime:
         """The beam at rest, clocks alike a quarter of a swing apart, each as if it were alone: A = 2, E = 0."""
         beta = float((1 + self._arc) / self._tuning[0] - 1)
-        return [Regime(beta, 0.0, (0.25 * math.pi, -0.25 * math.pi), (2.0, 2.0))]
+        return Regime(beta, 0.0, (0.25 * math.pi, -0.25 * math.pi), (2.0, 2.0))

@@ -17,15 +17,11 @@ from synth.phase import Floats
 from synth.seeds import generator
 from synth.systems.reduced_beam import ReducedBeam, reduced
 from synth.systems.resistance import VanDerPolDrive
+from synth.systems.symmetry import symmetric
 from synth.systems.yielding import ElasticBeam
 
 LIKELY = 1e-6
 """Share of the swing by which a start is moved: far above rounding, far below any reading."""
-CAUTION = (
-    "the clocks are alike and begin alike: they stay so to the last bit, on a motion that may be unstable; start one "
-    "of them a little off, such as 1e-6 of its swing"
-)
-_OWN = ("mass", "length", "detuning", "natural_frequency")
 
 
 class Clocks(NamedTuple):
@@ -38,16 +34,11 @@ class Clocks(NamedTuple):
     (-0.01135, -0.01145)
     """
 
-    beam_damping: float
-    """d0 = eps0/w0, above 0."""
-    drive: float
-    """d = 2 eps/w0, above 0."""
-    coupling: float
-    """nu = 8 mu/l, above 0; in system (2) m0 = mu/l = nu/8."""
-    detuning: tuple[float, float]
-    """tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)."""
-    swing: float = 0.0
-    """Phi0 = S0/l, rad: half the swing of the full system; 0 for system (2)."""
+    beam_damping: float  # d0 = eps0/w0, above 0
+    drive: float  # d = 2 eps/w0, above 0
+    coupling: float  # nu = 8 mu/l, above 0; in system (2) m0 = mu/l = nu/8
+    detuning: tuple[float, float]  # tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)
+    swing: float = 0.0  # Phi0 = S0/l, rad: half the swing of the full system; 0 for system (2)
 
     @property
     def mean_detuning(self) -> float:
@@ -95,28 +86,16 @@ def checked(clocks: Clocks) -> Clocks:
 
 
 def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
-    """Theory's numbers for a beam with two clocks in SI units.
+    """Theory's numbers for a beam with two clocks in SI units, with the arc where the full system is meant.
 
-    Parameters
-    ----------
-    beam : ElasticBeam
-        Two pendulums of one mass, each with a van der Pol escapement of one rate and arc.
-    full : bool
-        Whether the arc is kept, for the full system.
-
-    Raises
-    ------
-    RefusedError
-        If system (2) cannot hold the beam.
-    UsageError
-        If there are not two clocks.
+    `RefusedError` if system (2) cannot hold the beam, `UsageError` if there are not two clocks.
     """
-    made = reduced(beam)
-    system, arcs = made.system, np.asarray(made.angle_scale, dtype=np.float64)
+    reduction = reduced(beam)
+    system = reduction.system
     if system.detuning.size != 2:
         raise UsageError(f"{system.detuning.size} pendulums on the beam: the theory is of two clocks")
-    first, second = (float(each) for each in system.detuning)
-    swing = float(np.mean(arcs)) if full else 0.0
+    first, second = system.detuning.tolist()
+    swing = float(np.mean(reduction.angle_scale)) if full else 0.0
     return Clocks(system.beam_damping, system.drive, 8.0 * system.coupling, (first, second), swing)
 
 
@@ -125,48 +104,11 @@ def mirrored(states: Floats) -> Floats:
     return np.asarray(states * np.array([1.0, 1.0, -1.0, -1.0, -1.0, -1.0]))
 
 
-def symmetric(system: Any, state: Floats) -> bool:
-    """Whether a motion begins on the symmetric set: two clocks alike whose angles and rates agree but for one sign.
-
-    Parameters
-    ----------
-    system : NamedTuple
-        `ReducedBeam`, `ElasticBeam`, `FlexibleFrame` or `Metronomes`.
-    state : (n,) array
-
-    Examples
-    --------
-    >>> from synth.huygens.clocks import Clocks
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114)).small()
-    >>> symmetric(pair, np.array([0.0, 0.0, 2.0, 0.0, -2.0, 0.0]))
-    True
-    >>> symmetric(pair, np.array([0.0, 0.0, 2.0, 0.0, -1.999, 0.0]))
-    False
-    """
-    pairs = np.asarray(state, dtype=np.float64)[system.first_angle :].reshape(-1, 2)
-    own = [np.asarray(getattr(system, name)) for name in _OWN if hasattr(system, name)]
-    own += _arrays(getattr(system, "terms", None))
-    if len(pairs) != 2 or not all(np.all(each == each.flat[0]) for each in own):
-        return False
-    return bool(np.array_equal(pairs[0], pairs[1]) or np.array_equal(pairs[0], -pairs[1]))
-
-
 def perturbed(system: Any, state: Floats, seed: int, share: float = LIKELY) -> Floats:
     """The state, moved off the symmetric set if it lies on it; else the same bits.
 
-    Parameters
-    ----------
-    system, state
-        As for `symmetric`.
-    seed : int
-        Of the direction.
-    share : float
-        Of the clock's own swing.
-
-    Raises
-    ------
-    UsageError
-        If the clocks rest, where no share of a swing moves them.
+    The seed is that of the direction, the share that of the clock's own swing; `system` and `state` are as for
+    `symmetric`. `UsageError` if the clocks rest, where no share of a swing moves them.
     """
     if not symmetric(system, state):
         return state
@@ -177,10 +119,3 @@ def perturbed(system: Any, state: Floats, seed: int, share: float = LIKELY) -> F
         raise UsageError("both clocks are at rest, and van der Pol's drive cannot start them; give one a swing")
     last += share * size * generator(seed, "off the symmetric set").uniform(0.5, 1.0, size=last.size)
     return moved
-
-
-def _arrays(term: Any) -> list[Floats]:
-    if term is None:
-        return []
-    fields = [getattr(term, name) for name in term._fields]
-    return [each for value in fields for each in ([value] if isinstance(value, np.ndarray) else _arrays(value))]

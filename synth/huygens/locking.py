@@ -57,12 +57,7 @@ def slip(clocks: Clocks, chi: float) -> float:
     """Mean |d psi/dz| beyond the edge, rad a unit of z; 0 below it: Adler's equation with `p(psi)` and chi(psi).
 
     First order in psi', so good while the slip is slow against delta0 and delta. chi is the difference of the
-    detunings; of the clocks their mean detuning counts.
-
-    Raises
-    ------
-    RefusedError
-        As `edge_of_balance`.
+    detunings; of the clocks their mean detuning counts. `RefusedError` as `edge_of_balance`.
 
     Examples
     --------
@@ -88,12 +83,7 @@ def edge_of_balance(clocks: Clocks) -> float:
 
     Fixed points of the slow flow lead from quadrature (chi = 0) to the paper's regime (chi = 0 again); psi, which runs
     from -pi/2 to 0, tells them apart. Where the beam is slower than the slip (small delta0) they waver (a Hopf
-    bifurcation) before the fold.
-
-    Raises
-    ------
-    RefusedError
-        If the family breaks off, or is unstable from the first.
+    bifurcation) before the fold. `RefusedError` if the family breaks off, or is unstable from the first.
 
     Examples
     --------
@@ -121,18 +111,17 @@ def edge_of_balance(clocks: Clocks) -> float:
 
 
 class _Family:
-    """Fixed points of the slow flow by psi = alpha_1 - alpha_2; each start is the nearest one found before.
+    """Fixed points of the slow flow by psi = alpha_1 - alpha_2; each start is the nearest one known before.
 
     The unknowns are mean alpha, A_1, A_2, beta, chi and q; beta, chi and q in units of delta0, chi_c and nu/delta0.
     """
 
     def __init__(self, clocks: Clocks) -> None:
-        self.clocks = clocks
-        beta = mean_beta(clocks)
-        self._beta, self._edge = beta, edge(clocks)
+        self._clocks = clocks
+        self._beta, self._edge = mean_beta(clocks), edge(clocks)
         self._swing = clocks.coupling / clocks.beam_damping
         # near quadrature q is small and grows with psi + pi/2; its phase follows the beam's resonance
-        phase = math.atan2(clocks.beam_damping, beta)
+        phase = math.atan2(clocks.beam_damping, self._beta)
         self._known: dict[float, Floats] = {-0.5 * math.pi + 1e-3: np.array([-0.5 * phase, 2.0, 2.0, 0.0, 2e-3, 1e-3])}
 
     def chi(self, psi: float) -> float:
@@ -157,7 +146,7 @@ class _Family:
 
         The state is X(psi) + excess Y, so that J Y + F_beta b + F_chi = p dX/dpsi, b a change of beta.
         """
-        clocks, chi = self.clocks, self.chi(psi)
+        clocks, chi = self._clocks, self.chi(psi)
         here, beta = self._fixed(psi)
         along = (self._fixed(psi + _NEAR)[0] - self._fixed(psi - _NEAR)[0]) / (2.0 * _NEAR)
         pair, step = clocks.detuned(chi), _NEAR * self._edge
@@ -170,7 +159,7 @@ class _Family:
         """Largest rate of a perturbation of the regime, per z."""
         state, beta = self._fixed(psi)
         regime = Regime(beta, float(state[4]), (float(state[0]), float(state[1])), (float(state[2]), float(state[3])))
-        return stability(regime, self.clocks.detuned(self.chi(psi))).growth
+        return stability(regime, self._clocks.detuned(self.chi(psi))).growth
 
     def _fixed(self, psi: float) -> tuple[Floats, float]:
         """The fixed point (6,) of the slow flow, and its beta."""
@@ -181,30 +170,21 @@ class _Family:
         """State (6,) of the slow flow and beta that the unknowns stand for."""
         mean, first, second, beta, _, q = unknown.tolist()
         state = np.array([mean + 0.5 * psi, mean - 0.5 * psi, first, second, q * self._swing, 0.0])
-        return state, self._beta + self.clocks.beam_damping * beta
+        return state, self._beta + self._clocks.beam_damping * beta
 
     def _left(self, unknown: Floats, psi: float) -> Floats:
         """Rates of the slow flow, in units of what they hold."""
         state, beta = self._place(unknown, psi)
-        own = 0.5 * self.clocks.drive * unknown[1:3]
-        units = np.array([0.5 * self._swing, 0.5 * self._swing, *own, self.clocks.coupling, self.clocks.coupling])
-        return np.asarray(rates(state, beta, self.clocks.detuned(self._edge * unknown[4])) / units)
+        clocks = self._clocks
+        own = 0.5 * clocks.drive * unknown[1:3]
+        units = np.array([0.5 * self._swing, 0.5 * self._swing, *own, clocks.coupling, clocks.coupling])
+        return np.asarray(rates(state, beta, clocks.detuned(self._edge * unknown[4])) / units)
 
 
 def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
-    """k of the six equations (7)-(8), by following a regime to both sides.
+    """k of the six equations (7)-(8) at the clocks' own tau and chi, by following a regime to both sides.
 
-    Parameters
-    ----------
-    regime : Regime
-        Of these clocks, from `balance.solutions` with the same `shifts`.
-    clocks : Clocks
-        Their mean tau and chi are where k is taken.
-
-    Raises
-    ------
-    RefusedError
-        If the regime ends right here.
+    The regime is one of `balance.solutions` with the same `shifts`. `RefusedError` if it ends right here.
 
     Examples
     --------
@@ -226,10 +206,9 @@ def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
 def orbit_slope(regime: Regime, clocks: Clocks, *, full: bool = False) -> float:
     """k of the true orbits near a regime (from `balance.solutions` with shifts), of system (2) or the full one."""
     apart = clocks.detuning[0] - clocks.detuning[1]
-    ends = [
-        orbit(regime, clocks.detuned(apart + step), full=full).regime.offset for step in (_ORBIT_STEP, -_ORBIT_STEP)
-    ]
-    return math.remainder(ends[0] - ends[1], math.pi) / (2.0 * _ORBIT_STEP)
+    pairs = (clocks.detuned(apart + step) for step in (_ORBIT_STEP, -_ORBIT_STEP))
+    above, below = (orbit(regime, pair, full=full).regime.offset for pair in pairs)
+    return math.remainder(above - below, math.pi) / (2.0 * _ORBIT_STEP)
 
 
 def chi_of_daily(swings: float, period: float, tau: float) -> float:

@@ -83,18 +83,12 @@ def _march(system: Any, states: Floats, step: float, nodes: Floats, weights: Flo
 class Orbit(NamedTuple):
     """A synchronous regime as it really is."""
 
-    state: Floats
-    """(6,) at the moment when the first clock turns back."""
-    half_period: float
-    """T/2 of the clocks, which is the beam's whole period; time s = w0 t/2."""
-    residual: float
-    """Largest of |R flow(x, T/2) - x|."""
-    error: float
-    """Estimate, from half as many steps, of what the formula errs in state and tangents over half a swing."""
-    regime: Regime
-    """First harmonics of the clocks and second of the beam, as the balance writes them."""
-    multipliers: tuple[complex, ...]
-    """Five, of half a swing, the largest first; the sixth, along the orbit, is 1."""
+    state: Floats  # (6,) at the moment when the first clock turns back
+    half_period: float  # T/2 of the clocks, which is the beam's whole period; time s = w0 t/2
+    residual: float  # largest of |R flow(x, T/2) - x|
+    error: float  # estimate, from half as many steps, of what the formula errs in state and tangents over half a swing
+    regime: Regime  # first harmonics of the clocks and second of the beam, as the balance writes them
+    multipliers: tuple[complex, ...]  # five, of half a swing, the largest first; the sixth, along the orbit, is 1
 
     @property
     def growth(self) -> float:
@@ -109,33 +103,16 @@ class Orbit(NamedTuple):
 
 
 def orbits(clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> list[Orbit]:
-    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order; see `orbit`.
-
-    Of the full system (1) `clocks.swing` is the arc.
-    """
-    seen = clocks if full else clocks._replace(swing=0.0)
-    return [orbit(each, seen, full=full, steps=steps) for each in solutions(seen, shifts=True)]
+    """Orbits that grow out of the synchronous regimes of the slow flow, in the same order; see `orbit`."""
+    pair = clocks if full else clocks._replace(swing=0.0)
+    return [orbit(each, pair, full=full, steps=steps) for each in solutions(pair, shifts=True)]
 
 
 def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = STEPS) -> Orbit:
-    """Find the orbit near a synchronous regime.
+    """Find the orbit near a synchronous regime, of system (2) or the full one (1), in steps of half a swing.
 
-    Parameters
-    ----------
-    regime : Regime
-        Where to start.
-    clocks : Clocks
-    full : bool
-        Of the full system (1) instead of (2).
-    steps : int
-        Of half a swing; a multiple of 4.
-
-    Raises
-    ------
-    RefusedError
-        If Newton's method does not settle, or only on a motion that is none.
-    UsageError
-        A number of steps that cannot be meant.
+    `RefusedError` if Newton's method does not settle, or only on a motion that is none; `UsageError` if the steps are
+    not a multiple of 4.
 
     Examples
     --------
@@ -152,11 +129,10 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
     guess = start_of(regime) * units
     state, half, residual = _shot(system, guess, math.pi * math.sqrt(1.0 + regime.beta), steps)
     states, tangents = carried(system, state, half, steps)
-    multipliers = _multipliers(tangents, system, state)
     coarse, rough = carried(system, state, half, steps // 2)
     apart = float(np.abs((coarse[-1] - states[-1]) / units).max() + np.abs(rough - tangents).max())
-    error = apart / (2.0**_ORDER - 1.0)
-    return Orbit(state, half, residual, error, _harmonics(states[:-1] / units, half), multipliers)
+    regime, multipliers = _harmonics(states[:-1] / units, half), _multipliers(tangents, system, state)
+    return Orbit(state, half, residual, apart / (2.0**_ORDER - 1.0), regime, multipliers)
 
 
 def start_of(regime: Regime) -> Floats:

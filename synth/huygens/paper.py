@@ -22,36 +22,20 @@ DAMPING, COUPLING = 0.02, 0.4 / 7000.0
 class Chain(NamedTuple):
     """The regime, number by number; arrays of the shape of alpha."""
 
-    alpha: Floats
-    """rad."""
-    beta: Floats
-    """w0^2/w^2 - 1."""
-    q: Floats
-    """2X/l."""
-    tau: Floats
-    """4 w_i^2/w0^2 - 1, mean."""
-    slope: Floats
-    """k = d eta/d chi."""
-    amplitude: Floats
-    """A of y = A cos(z - alpha)."""
-    growth: Floats
-    """-q sin 2 alpha: rate per z at which an antisymmetric perturbation grows in system (2)."""
+    alpha: Floats  # rad
+    beta: Floats  # w0^2/w^2 - 1
+    q: Floats  # 2X/l
+    tau: Floats  # 4 w_i^2/w0^2 - 1, mean
+    slope: Floats  # k = d eta/d chi
+    amplitude: Floats  # A of y = A cos(z - alpha)
+    growth: Floats  # -q sin 2 alpha: rate per z at which an antisymmetric perturbation grows in system (2)
 
 
 def printed(alpha: ArrayLike, damping: float = DAMPING, coupling: float = COUPLING) -> Chain:
     """(10)-(14) as the paper has them: A = 2, and k without the escapement.
 
-    Parameters
-    ----------
-    alpha : array-like
-        In (-pi/2, 0), rad.
-    damping, coupling : float
-        delta0, and nu = 8 mu/l (which the paper prints as 32 mu/l).
-
-    Raises
-    ------
-    UsageError
-        An alpha outside, for which delta0 q = -nu sin 2 alpha cannot hold.
+    alpha lies in (-pi/2, 0), rad (else delta0 q = -nu sin 2 alpha cannot hold: `UsageError`); damping and coupling are
+    delta0 and nu = 8 mu/l (which the paper prints as 32 mu/l).
 
     Examples
     --------
@@ -67,14 +51,8 @@ def corrected(alpha: ArrayLike, drive: float, damping: float = DAMPING, coupling
 
     G = 1/(1 + nu sin^2 2 alpha/(delta delta0)), q = -(nu/delta0) G sin 2 alpha, beta = -delta0 cot 2 alpha,
     k = (1 + beta) [delta0/(2 nu sin^2 2 alpha) + 1/(2 delta)]. tau is that of the true Delta, which is larger by
-    delta^2/8 than the balance's: van der Pol's own shift.
-
-    Parameters
-    ----------
-    alpha, damping, coupling
-        As for `printed`.
-    drive : float
-        delta = 2 eps/w (which the paper prints with the dimension of a length).
+    delta^2/8 than the balance's: van der Pol's own shift. The drive is delta = 2 eps/w (which the paper prints with the
+    dimension of a length), the others are as for `printed`.
     """
     if not drive > 0.0:
         raise UsageError(f"drive = {drive:g}: delta = 2 eps/w lies above 0")

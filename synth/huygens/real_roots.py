@@ -18,27 +18,22 @@ from typing import Any
 Conic = tuple[Any, Any, Any, Any, Any, Any]
 """Coefficients of x^2, x y, y^2, x, y, 1: fractions, or polynomials with rational coefficients."""
 
+_TERMS = ((2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2))
+"""Powers of x, y, z in the same order, z making the forms homogeneous."""
+
 
 def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
-    """Different real roots of a polynomial in (low, high], increasing.
+    """Different real roots in [low, high], increasing, of a polynomial with these coefficients, lowest power first.
 
-    `ValueError` if the polynomial is zero everywhere.
-
-    Parameters
-    ----------
-    values : sequence of Fraction
-        Coefficients, lowest power first.
-    low, high : Fraction
-        Ends of the interval.
-    width : Fraction
-        Each root is the middle of an interval no wider than this that holds it and no other.
+    Each is the middle of an interval no wider than `width` that holds it and no other; a root nearer to an end than
+    half of that may be given too. `ValueError` if the polynomial is zero everywhere.
 
     Examples
     --------
     (x^2 - 2)(x - 1)^2: the double root is one.
 
-    >>> found = real_roots([Fraction(c) for c in (-2, 4, -1, -2, 1)], Fraction(0), Fraction(2), Fraction(1, 10**9))
-    >>> [round(float(root), 6) for root in found]
+    >>> roots = real_roots([Fraction(c) for c in (-2, 4, -1, -2, 1)], Fraction(0), Fraction(2), Fraction(1, 10**9))
+    >>> [round(float(root), 6) for root in roots]
     [1.0, 1.414214]
     """
     from flint import ctx, fmpz_poly
@@ -50,24 +45,15 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
     digits = ctx.prec
     try:
         while True:
-            # a ball that is not a point lies on one side of either end once it is small enough, or the end is the root
             balls = [_ball(root.real) for root, _ in polynomial.complex_roots() if root.imag == 0]
-            close = [
-                (middle, radius) for middle, radius in balls if not (middle + radius < low or middle - radius > high)
+            inside = [
+                (middle, radius) for middle, radius in balls if low <= middle + radius and middle - radius <= high
             ]
-            ends = [end for end in {low, high} if polynomial(rational(end)) == 0]
-            unsure = (
-                radius and abs(middle - end) <= radius
-                for middle, radius in close
-                for end in {low, high}.difference(ends)
-            )
-            if not any(unsure) and all(2 * radius <= width for _, radius in close):
-                break
+            if all(2 * radius <= width for _, radius in inside):
+                return sorted(middle for middle, _ in inside)
             ctx.prec *= 2
     finally:
         ctx.prec = digits
-    exact = [next((end for end in ends if abs(middle - end) <= radius), middle) for middle, radius in close]
-    return sorted(root for root in exact if low < root <= high)
 
 
 def _ball(real: Any) -> tuple[Fraction, Fraction]:
@@ -86,53 +72,26 @@ def rational(value: Fraction) -> Any:
 
 def resultant(conics: Callable[[Any], Sequence[Conic]]) -> list[Fraction]:
     """Coefficients, lowest power first, of the polynomial of one unknown that is zero if and only if three conics have
-    a point in common, real or not, finite or not.
-
-    Parameters
-    ----------
-    conics : callable
-        Of the unknown: the three, whose coefficients are rational polynomials of it.
+    a point in common, real or not, finite or not; `conics` gives the three from the unknown.
     """
-    from flint import fmpq_poly
+    from flint import Ordering, fmpq_mpoly_ctx
 
-    forms: list[Form] = [
-        {term: rational(each) if isinstance(each, Fraction) else each for term, each in zip(TERMS, conic, strict=True)}
-        for conic in conics(fmpq_poly([0, 1]))
+    ring = fmpq_mpoly_ctx.get(["x", "y", "z", "unknown"], Ordering.lex)
+    *axes, unknown = ring.gens()
+    forms = []
+    for conic in conics(unknown):
+        numbers = [rational(each) if isinstance(each, Fraction) else each for each in conic]
+        forms.append(sum(ring.from_dict({(*term, 0): 1}) * each for term, each in zip(_TERMS, numbers, strict=True)))
+    jacobian = _determinant([[form.derivative(axis) for axis in range(len(axes))] for form in forms])
+    forms += [jacobian.derivative(axis) for axis in range(len(axes))]
+    rows = [
+        [ring.from_dict({key: value for key, value in form.to_dict().items() if key[:3] == term}) for term in _TERMS]
+        for form in forms
     ]
-    (a, b, c), (d, e, f), (g, h, i) = ([_slope(form, axis) for axis in range(3)] for form in forms)
-    jacobian = _sum(
-        _product(a, _sum(_product(e, i), _product(f, h), -1)),
-        _sum(
-            _product(b, _sum(_product(f, g), _product(d, i), -1)), _product(c, _sum(_product(d, h), _product(e, g), -1))
-        ),
-    )
-    rows = [[form.get(term, 0) for term in TERMS] for form in (*forms, *(_slope(jacobian, axis) for axis in range(3)))]
-    found = fmpq_poly([0]) + _determinant(rows)
-    return [Fraction(int(each.p), int(each.q)) for each in found.coeffs()] or [Fraction(0)]
-
-
-TERMS = ((2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2))
-"""Powers of x, y, z."""
-Form = dict[tuple[int, ...], Any]
-"""Coefficients by powers."""
-
-
-def _slope(form: Form, axis: int) -> Form:
-    lowered = ((list(powers), value) for powers, value in form.items() if powers[axis])
-    return {(*p[:axis], p[axis] - 1, *p[axis + 1 :]): p[axis] * value for p, value in lowered}
-
-
-def _product(one: Form, other: Form) -> Form:
-    found: Form = {}
-    for p, value in one.items():
-        for q, factor in other.items():
-            term = tuple(map(int.__add__, p, q))
-            found[term] = found.get(term, 0) + value * factor
-    return found
-
-
-def _sum(one: Form, other: Form, sign: int = 1) -> Form:
-    return {term: one.get(term, 0) + sign * other.get(term, 0) for term in {**one, **other}}
+    # every product of the expansion holds each term once: together x^4 y^4 z^4
+    found = {key[3]: value for key, value in _determinant(rows).to_dict().items()}
+    values = [found.get(power, 0) for power in range(max(found, default=0) + 1)]
+    return [Fraction(int(each.p), int(each.q)) if each else Fraction(0) for each in values]
 
 
 def _determinant(rows: list[list[Any]]) -> Any:

@@ -24,15 +24,9 @@ _STEP = 1e-30
 
 
 def rates(state: Any, beta: float, clocks: Clocks) -> Any:
-    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,).
+    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,), at a real or complex state of these.
 
-    Parameters
-    ----------
-    state : (6,) array
-        Real or complex.
-    beta : float
-        Of the frequency that z counts: w0^2/w^2 - 1.
-    clocks : Clocks
+    `beta` is that of the frequency that z counts, w0^2/w^2 - 1.
     """
     stretch = math.sqrt(abs(1.0 + beta))
     delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
@@ -56,27 +50,15 @@ def slopes(state: Floats, beta: float, clocks: Clocks) -> Floats:
 class Stability(NamedTuple):
     """Verdict on a synchronous regime."""
 
-    growth: float
-    """Largest rate of a perturbation per z, the common phase apart."""
-    exponents: tuple[complex, ...]
-    """All five, per z, the largest first."""
-    stable: bool | None
-    """None where the largest rate is zero to rounding."""
+    growth: float  # largest rate of a perturbation per z, the common phase apart
+    exponents: tuple[complex, ...]  # all five, per z, the largest first
+    stable: bool | None  # None where the largest rate is zero to rounding
 
 
 def stability(regime: Regime, clocks: Clocks) -> Stability:
-    """Whether a fixed point of the slow flow is stable.
+    """Whether a fixed point of the slow flow, a regime of `balance.solutions(clocks, shifts=True)`, is stable.
 
-    Parameters
-    ----------
-    regime : Regime
-        From `balance.solutions(clocks, shifts=True)`.
-    clocks : Clocks
-
-    Raises
-    ------
-    UsageError
-        If the regime is no fixed point of these clocks' slow flow.
+    `UsageError` if the regime is no fixed point of these clocks' slow flow.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The march of exponential collocation through coupled oscillators, interval by interval.
+"""Exponential collocation through coupled oscillators, interval by interval.
 
 What the systems' remainder and the exact linear flow ask of each other at 16 Gauss nodes is iterated until a further
 turn would change nothing, from a guess that is good where the motion repeats itself. States are sums of two doubles; inside
@@ -26,13 +26,9 @@ from synth.systems.terms import motion
 
 ORDERS = 5
 """Differences kept; the guess that sums the first k of them is guess k, and guess `ORDERS` the polynomial."""
-
-MOST_TURNS = 16
-"""Iterations after which an interval counts as too long."""
-
 DONE, TURNING, ROUGH = 0, 1, 2
 """All intervals done; iteration did not settle; the nodes do not resolve the motion."""
-
+_MOST_TURNS = 16  # iterations after which an interval counts as too long
 _CAUTION = 4.0  # a turn may change this many times more than the turns of the interval before promise, squared
 _WILD = 1e4  # change of a position in sizes, squared, from which no later turn leads back
 _RENEWAL = 16  # intervals after which convergence is watched from the first turn to the second, and guesses compared
@@ -78,30 +74,22 @@ def march(
     system: Any, horizontal: Any, vertical: Any, level: Level, nodes: Nodes, work: Work, limits: Any, begin: float,
     count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
-    """Carry the system through consecutive intervals and read it on the way; the number of intervals done.
+    """Integrate through `count` intervals from `begin` (s) and fill `states` (k, n) at those `times` (k,) inside.
 
     Parameters
     ----------
-    system : NamedTuple
-        Registered with a remainder.
     horizontal, vertical : motion term or None
         Of the ship.
-    level : Level
-        Length of the intervals, whose multiples are exact, and the weights of all components.
-    nodes : Nodes
-    work : Work
-        State, amplitude and memory move on.
     limits : (float, float)
         Squares: change of a position, relative to its size, that does not matter; what r beyond its last Legendre
         term may cost.
-    begin : float
-        Start, s.
-    count : int
-        Intervals to do.
-    times, states : (k,), (k, 2 * components)
-        Readings; those inside these intervals are filled.
     report : (5,) int64
-        Readings filled so far, turns, intervals done (all raised), why the march ended, and the guess in use.
+        Readings filled so far, turns, intervals done (all raised), why it ended, and the guess in use.
+
+    Returns
+    -------
+    int
+        Number of intervals done.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
     state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known
@@ -130,7 +118,7 @@ def march(
             _couple(level.inner, known, now, base, position, rate)
             if not going:
                 break
-            if turns == MOST_TURNS:
+            if turns == _MOST_TURNS:
                 report[3] = TURNING
                 return i
             turns += 1
@@ -247,20 +235,10 @@ def _read(place: float, nodes: Nodes, begun: Floats, work: Work, states: Floats,
 
 @kernel
 def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: Floats, known: Floats, now: int) -> None:
-    """Fill `known[now]` (components, NODES).
+    """Fill `known[now]` by guess number `which`.
 
-    Parameters
-    ----------
-    memory : (lag, ORDERS, components, NODES)
-        Backward differences of the remainder, those of an interval in row `interval % lag`; zero if unknown.
-    slot : int
-        Row of the interval to come: its last entries are `lag` intervals old.
-    which : int
-        The guess.
-    mirror : (components,)
-        What `lag` intervals do to the remainder, 1 or -1.
-    continuation : (1, NODES * NODES)
-        As in `Nodes`.
+    `memory` holds backward differences of the remainder, those of an interval in row `interval % lag`, zero if unknown;
+    `slot` is the row of the interval to come, whose entries are `lag` intervals old; for the others see `Level`, `Nodes`.
     """
     before = (slot - 1) % memory.shape[0]
     for c in range(mirror.size):
@@ -293,14 +271,9 @@ def remember(memory: Floats, slot: int, mirror: Floats, known: Floats, now: int)
 
 @kernel
 def best(memory: Floats, slot: int, worth: Floats, missed: float) -> int:
-    """The guess that would have missed least: difference k is what guess k missed.
+    """The guess that would have missed least: difference k is what guess k missed, the polynomial `missed`.
 
-    Parameters
-    ----------
-    worth : (components,)
-        Of a squared change of the remainder, in squares of sizes.
-    missed : float
-        What the polynomial missed.
+    `worth` (components,) is that of a squared change of the remainder, in squares of sizes.
     """
     which = 0
     least = np.inf

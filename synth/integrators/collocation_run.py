@@ -144,16 +144,12 @@ def run(
     problem: Problem, start: Floats, times: Floats, limits: tuple[float, float], ladder: Ladder = LADDER,
     depth: int | None = None, out: Floats | None = None,
 ) -> tuple[Floats, Run]:  # fmt: skip
-    """States (k, n) at the times, and the run that found them.
+    """States (k, n) at the increasing times, the first that of the start, and the run that gave them.
 
     `RefusedError` where no interval is short enough.
 
     Parameters
     ----------
-    problem : Problem
-    start : (n,)
-    times : (k,)
-        Increasing; the first is the time of the start.
     limits : (float, float)
         What iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes.
     ladder : Ladder

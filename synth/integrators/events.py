@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import UsageError
 from synth.integrators.events_roots import DEGREE, NONE, TO_BERNSTEIN, first_crossing, margin, sign
+from synth.integrators.explicit_step import Space
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import response
@@ -97,18 +98,16 @@ def begin(event: Any, memory: Any, state: Floats) -> None:
 
 
 @kernel
-def locate(
-    event: Escapement, memory: Memory, state: Floats, low: Floats, following: Floats, left_over: Floats,
-    polynomial: Floats,
-) -> float:  # fmt: skip
+def locate(event: Escapement, memory: Memory, space: Space) -> float:
     """Share of the step at the first crossing, or 2.0; remembers the crossing of each kick, and the sides if none."""
+    state, low, following, left_over = space.state, space.low, space.following, space.left_over
     earliest = NONE
     for j in range(event.level.size):
         c, level = event.component[j], event.level[j]
         for m in range(DEGREE + 1):
             value = 0.0
             for row in range(7):
-                value += TO_BERNSTEIN[row, m] * polynomial[row, c]
+                value += TO_BERNSTEIN[row, m] * space.polynomial[row, c]
             memory.coefficients[0, m] = (state[c] - level) + (low[c] + value)
         # the same expression at both ends, so that a step begins with the very number its predecessor ended with
         memory.coefficients[0, 0] = (state[c] - level) + low[c]
@@ -127,19 +126,20 @@ def locate(
 
 
 @kernel
-def miss(event: Escapement, memory: Memory, share: float, following: Floats, left_over: Floats) -> tuple[int, float]:
+def miss(event: Escapement, memory: Memory, share: float, space: Space) -> tuple[int, float]:
     """Component of the earliest crossing, and what the state lacks to its level."""
     c, lack = 0, 0.0
     for j in range(event.level.size):
         if memory.shares[j] == share:
             c = event.component[j]
-            lack = (event.level[j] - following[c]) - left_over[c]
+            lack = (event.level[j] - space.following[c]) - space.left_over[c]
     return c, lack
 
 
 @kernel
-def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats, left_over: Floats) -> bool:
+def _happens(event: Any, memory: Memory, j: int, share: float, space: Space) -> bool:
     """Whether kick j fires at this instant; if so, its component is put on the level exactly."""
+    following, left_over = space.following, space.left_over
     c = event.component[j]
     side, direction = memory.sides[j], event.direction[j]
     now = sign((following[c] - event.level[j]) + left_over[c])
@@ -159,15 +159,15 @@ def _happens(event: Any, memory: Memory, j: int, share: float, following: Floats
 
 @kernel
 def strike(
-    event: Escapement, memory: Memory, share: float, time: float, following: Floats, left_over: Floats, system: Any,
-    moments: Floats, which: Integers, noted: int,
+    event: Escapement, memory: Memory, share: float, time: float, space: Space, system: Any, moments: Floats,
+    which: Integers, noted: int,
 ) -> int:  # fmt: skip
     """Give the kicks of what crosses at this instant, and note them; how many are noted."""
     for j in range(event.level.size):
-        if _happens(event, memory, j, share, following, left_over):
+        if _happens(event, memory, j, share, space):
             moments[noted], which[noted] = time, j
             noted += 1
-            _kick(event, j, memory.impulse, following, system)
+            _kick(event, j, memory.impulse, space.following, system)
     return noted
 
 

@@ -104,17 +104,9 @@ def polish(coefficients: Floats, row: int, rising: int, work: Floats) -> float:
 def first_crossing(coefficients: Floats, lefts: Floats, work: Floats, before: int, direction: int) -> float:
     """Share of the first crossing in `direction` (+1 rising, -1 falling, 0 either), or 2.0 for none.
 
-    Parameters
-    ----------
-    coefficients : (60, 8) array
-        Row 0 holds the Bernstein coefficients; the others are working space and row 0 is used up.
-    lefts : (60, 2) array
-        Working space: left end and width of each row's interval.
-    work : (8,) array
-        Working space.
-    before : int
-        Sign of the polynomial just before the interval, for a start at zero exactly.
-    direction : int
+    Row 0 of `coefficients` (60, 8) holds the polynomial and is used up; the other rows, `lefts` (60, 2: left end and
+    width of each row's interval) and `work` (8,) are working space. `before` is the sign of the polynomial just before
+    the interval, for a start at zero exactly.
     """
     lefts[0, 0] = 0.0
     lefts[0, 1] = 1.0

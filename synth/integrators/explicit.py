@@ -1,20 +1,18 @@
 """The explicit integrator of order 8: for violent, driven and escaping motion that is not stiff.
 
-How good a march is, several of different local tolerances tell.
-
-Errors are nearly proportional to the local tolerance. Two loose marches tell what this makes at the end, and so what
-local tolerance the one that counts must have; its own error follows from its difference from the second of them. If
-that is more than was asked, marches follow until it is not. Where rounding may matter, a loose march is made again with
-noise put to it at every step: what the motion makes of that, it makes of rounding, much near the top of a swing and
-in chaos. Where two marches have nothing to do with each other any more, their difference itself is the error.
+The error is estimated from several runs of different local tolerances, to which errors are nearly proportional. Two loose
+runs tell what a local tolerance makes at the end, and so which one the run that counts must have; its own error follows
+from its difference from the second of them. If that is more than was asked, runs follow until it is not. Where rounding
+may matter, a loose run is repeated with noise added at every step: the motion amplifies rounding as it amplifies noise,
+much near the top of a swing and in chaos. Where two runs have nothing to do with each other any more, their difference
+itself is the error.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,20 +25,19 @@ from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
-RATIO = 1e4
-"""Usual ratio of the local tolerances of two marches that are compared."""
-NOISES = (1e-8, 1e-11, 1e-14, 1e-15)
 LOOSEST = 1e-6
 TIGHTEST = 1e-16
 """Local tolerance, relative; at the rounding of a step, though increments are added with compensation."""
+_RATIO = 1e4  # usual ratio of the local tolerances of two runs that are compared
 _USUAL = 20.0  # error over the local tolerance, in a thousand swings
-ROUNDING = 2.2e-16
+_ROUNDING = 2.2e-16
 _ROUGHEST = 1e-4
-_SCOUT = 10.0  # times looser than the loose march
+_SCOUT = 10.0  # times looser than the loose run
 _PATIENT = 20_000  # stiff steps: a hundredth of a second
+_NOISES = (1e-8, 1e-11, 1e-14, 1e-15)
 _SHAKE = 1e-14  # noise that is surely more than rounding
 _ORDER = 8.0
-_LINEAR = 0.03  # differences of marches above this are no longer proportional to what made them
+_LINEAR = 0.03  # differences of runs above this are no longer proportional to what made them
 _INNOCENT = 1e4  # a motion that makes c of the local tolerance makes less than 1e4 c of rounding
 _VISIBLE = 0.1  # share of the tolerance below which rounding need not be known
 _CAUTION = 2.0  # since errors are only nearly proportional to the tolerance
@@ -49,11 +46,8 @@ _COMPARED = 200  # instants
 _MOMENT = 0.01  # of a step, in which the driving force changes evenly
 _FEW = 0.01  # outputs that may fall between the kicks of two runs
 _AIM = 0.5  # of the tolerance
-_FURTHER = 1e-3  # on the local tolerance, where two marches went different ways
+_FURTHER = 1e-3  # on the local tolerance, where two runs went different ways
 _CLEAR = 10.0  # errors by which a turn must miss or pass the level of a kick
-
-March = Callable[..., Run]
-"""A march of one motion, of which times, tolerance, patience and noise are left to say."""
 
 
 def integrate(
@@ -84,27 +78,23 @@ def integrate(
     first, instants = checked(start, times, tolerance)
     made = refine(system, event, first, instants, tolerance)
     if event is not None:
-        decided(made, event)
-    best = made.runs[-1]
-    marched = made.runs if made.probe is None else [*made.runs, made.probe.noisy]
-    steps, rejected, evaluations = np.sum([each.counts for each in marched], axis=0).tolist()
-    states = best.states[np.searchsorted(best.times, instants)]
-    return Trajectory(instants, states, made.estimated_error, steps, evaluations, rejected)
+        _check_decided(made, event)
+    every = made.runs if made.probe is None else [*made.runs, made.probe.run]
+    steps, rejected, evaluations = np.sum([each.counts for each in every], axis=0).tolist()
+    return Trajectory(instants, made.runs[-1].at(instants), made.estimated_error, steps, evaluations, rejected)
 
 
-@dataclass(frozen=True)
-class Probe:
-    """A march made again with noise."""
+class Probe(NamedTuple):
+    """A run repeated with noise."""
 
-    noisy: Run
+    run: Run
     moved: float
     """By how much, relative."""
     noise: float
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """All that was marched for one trajectory."""
+class Refinement(NamedTuple):
+    """All runs for one trajectory, with the error of the last."""
 
     runs: list[Run]
     """From the loosest to the last, which is the result."""
@@ -114,7 +104,7 @@ class Refinement:
     rounding: float
     """and that which they would not."""
     linear: bool
-    """Whether the last two marches are near each other."""
+    """Whether the last two runs are near each other."""
 
     @property
     def estimated_error(self) -> float:
@@ -123,42 +113,39 @@ class Refinement:
 
 
 def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float) -> Refinement:
-    """March until the estimated error meets the tolerance or rounding stops it."""
-    march = partial(Run, system, event, start)
-    loose = min(max(RATIO * tolerance / _USUAL, RATIO * TIGHTEST), _ROUGHEST)
+    """Run until the estimated error meets the tolerance or rounding stops it."""
+    run = partial(Run, system, event, start)
+    loose = min(max(_RATIO * tolerance / _USUAL, _RATIO * TIGHTEST), _ROUGHEST)
     few = instants(times[0], times[-1])
     times = np.union1d(times, few)
     try:
-        scout = march(few, _SCOUT * loose, _PATIENT)
-        rough = march(few, loose, _PATIENT)
-    except StiffError:  # a loose march may be at the edge of stability where a tight one is not
-        local = max(loose / RATIO, TIGHTEST)
-        fine = march(times, local)
-        rough = march(few, loose, MOST_STEPS)
-        spent = [rough]
+        scout = run(few, _SCOUT * loose, _PATIENT)
+        rough = run(few, loose, _PATIENT)
+    except StiffError:  # a loose run may be at the edge of stability where a tight one is not
+        local = max(loose / _RATIO, TIGHTEST)
+        fine = run(times, local)
+        runs = [run(few, loose, MOST_STEPS), fine]
     else:
-        apart = apart_at(scout, rough, few)
-        wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / RATIO
+        apart = _apart(scout, rough, few)
+        wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / _RATIO
         local = min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)
-        fine = march(times, local)
-        spent = [scout, rough]
-    made = judged([*spent, fine], _probe(march, rough, fine, few, tolerance), few)
+        runs = [scout, rough, run(times, local)]
+    made = _judged(runs, _probe(run, runs, few, tolerance), few)
     while made.truncation > _AIM * tolerance and made.estimated_error > tolerance and local > TIGHTEST:
         factor = min(0.1, _AIM * tolerance / made.truncation) if made.linear else _FURTHER
         local = max(TIGHTEST, local * factor)
-        rough, fine = fine, march(times, local)
-        probe = made.probe if made.linear else _probe(march, rough, fine, few, tolerance)
-        made = judged([*made.runs, fine], probe, few)
+        runs = [*runs, run(times, local)]
+        made = _judged(runs, made.probe if made.linear else _probe(run, runs, few, tolerance), few)
     if not made.linear:
-        # with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere, while marches
+        # with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere, while runs
         # that differ in their steps only may all fall to the same side by chance
-        probes = [_noisy(march, made.runs[-1], few, noise) for noise in (_SHAKE, -_SHAKE)]
-        made = judged(made.runs, max(probes, key=lambda probe: probe.moved), few)
-    return replace(made, rounding=made.rounding + clock_rounding(system, made.runs[-1], few))
+        probes = [_noisy(run, runs[-1], few, noise) for noise in (_SHAKE, -_SHAKE)]
+        made = _judged(runs, max(probes, key=lambda probe: probe.moved), few)
+    return made._replace(rounding=made.rounding + _clock_rounding(system, runs[-1], few))
 
 
-def decided(made: Refinement, event: Escapement) -> None:
-    """RefusedError where the marches do not decide which kicks were given."""
+def _check_decided(made: Refinement, event: Escapement) -> None:
+    """RefusedError where the runs do not decide which kicks were given."""
     rough, fine = made.runs[-2:]
     assert fine.events is not None  # since there is an event
     grazing = np.any(fine.events.margins < _CLEAR * made.estimated_error * fine.scale[event.component])
@@ -183,16 +170,16 @@ def _same_kicks(rough: Run, fine: Run) -> bool:
     return True
 
 
-def clock_rounding(system: Any, fine: Run, few: Floats) -> float:
+def _clock_rounding(system: Any, fine: Run, few: Floats) -> float:
     """What a driven motion makes of time being a double, relative: each step is driven as of a slightly other time."""
     span, steps = float(few[-1] - few[0]), float(fine.counts[0])
     if steps == 0.0:
         return 0.0
-    states = fine.states[np.searchsorted(fine.times, few)]
+    states = fine.at(few)
     moment = _MOMENT * span / steps
     change = np.zeros(states.shape[1])
     _change(system, few, states, moment, change)
-    rounded = 0.5 * ROUNDING * float(np.max(np.abs(few)))
+    rounded = 0.5 * _ROUNDING * float(np.max(np.abs(few)))
     return _LUCK * rounded * span / np.sqrt(steps) * relative_error(change[None, :], fine.scale)
 
 
@@ -210,40 +197,41 @@ def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floa
 
 
 def instants(begin: float, end: float) -> Floats:
-    """Where marches are compared, whatever the outputs are."""
+    """Where runs are compared, whatever the outputs are."""
     return np.unique(np.concatenate([begin + (end - begin) * spread(_COMPARED), [end]]))
 
 
-def _probe(march: March, rough: Run, fine: Run, few: Floats, tolerance: float) -> Probe | None:
-    """The looser of two marches with noise, or None where rounding cannot matter or nothing can be learnt."""
-    apart = apart_at(rough, fine, few)
-    if apart > _LINEAR or _INNOCENT * ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
+def _probe(run: Callable[..., Run], runs: list[Run], few: Floats, tolerance: float) -> Probe | None:
+    """The looser of the last two runs with noise, or None where rounding cannot matter or nothing can be learnt."""
+    rough, fine = runs[-2:]
+    apart = _apart(rough, fine, few)
+    if apart > _LINEAR or _INNOCENT * _ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
         return None
-    for noise in NOISES:
-        probe = _noisy(march, rough, few, noise)
+    for noise in _NOISES:
+        probe = _noisy(run, rough, few, noise)
         if probe.moved < _LINEAR:
             break
     return probe
 
 
-def _noisy(march: March, quiet: Run, few: Floats, noise: float) -> Probe:
-    noisy = march(few, quiet.tolerance, MOST_STEPS, noise)
-    return Probe(noisy, apart_at(noisy, quiet, few), abs(noise))
+def _noisy(run: Callable[..., Run], quiet: Run, few: Floats, noise: float) -> Probe:
+    noisy = run(few, quiet.tolerance, MOST_STEPS, noise)
+    return Probe(noisy, _apart(noisy, quiet, few), abs(noise))
 
 
-def judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
-    """The runs with the error of the last: what its tolerance makes of its difference from the one before, and rounding."""
+def _judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
+    """The runs with the error of the last: its tolerance's share of its difference from the one before, and rounding."""
     rough, fine = runs[-2:]
-    apart = apart_at(rough, fine, few)
-    truncation = _CAUTION * apart * gain(rough, fine) if apart < _LINEAR else apart
-    rounding = 2.0 * ROUNDING
+    apart = _apart(rough, fine, few)
+    truncation = _CAUTION * apart * _gain(rough, fine) if apart < _LINEAR else apart
+    rounding = 2.0 * _ROUNDING
     if probe is not None:
-        rounding += _LUCK * probe.moved * ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
+        rounding += _LUCK * probe.moved * _ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
     return Refinement(runs, probe, truncation, rounding, apart < _LINEAR)
 
 
-def gain(rough: Run, fine: Run) -> float:
-    """Error of the finer of two marches over that of the other: the tolerances', more where their steps hardly differ.
+def _gain(rough: Run, fine: Run) -> float:
+    """Error of the finer of two runs over that of the other: the tolerances', more where their steps hardly differ.
 
     A few long steps hardly shrink with the tolerance, and in an unstable motion the first of them count most.
     """
@@ -252,14 +240,13 @@ def gain(rough: Run, fine: Run) -> float:
     return min(1.0, tighter * max(1.0, steps**_ORDER / tighter) ** 1.5)
 
 
-def apart_at(one: Run, other: Run, few: Floats) -> float:
+def _apart(one: Run, other: Run, few: Floats) -> float:
     """Largest relative difference of two runs at `few` instants; 1 where their kicks do not match.
 
     Kicks are at slightly different times in the two: only instants between the same kicks are compared.
     """
-    states = [each.states[np.searchsorted(each.times, few)] for each in (one, other)]
     before = [np.searchsorted(each.happenings[0], few) for each in (one, other)]
-    comparable = before[0] == before[1]
-    if np.count_nonzero(comparable) < (1.0 - _FEW) * few.size - 1:
+    comparable = few[before[0] == before[1]]
+    if comparable.size < (1.0 - _FEW) * few.size - 1:
         return 1.0
-    return difference(states[0][comparable], states[1][comparable], other.scale)
+    return difference(one.at(comparable), other.at(comparable), other.scale)

@@ -1,4 +1,4 @@
-"""The march of the explicit integrator: steps of its own choice, outputs from the dense polynomial, kicks where asked.
+"""Integration by explicit steps: of its own choice, outputs from the dense polynomial, kicks where asked.
 
 State and time are kept as sums of two doubles: a step adds an increment that is small against the state, and what
 rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing.
@@ -13,6 +13,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement, Memory, begin, locate, memory, miss, strike
 from synth.integrators.explicit_step import (
+    Space,
     add,
     allow,
     attempt,
@@ -48,17 +49,12 @@ def march(
     system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, patience: int, amiss: float,
     states: Floats, scale: Floats, counts: Integers,
 ) -> tuple[int, float, Floats, Floats, Integers]:  # fmt: skip
-    """Integrate over `times` and fill `states` there.
+    """Integrate from `start` (n,) over increasing `times` (k,) and fill `states` (k, n) there.
 
     Parameters
     ----------
-    system : NamedTuple
     event, memory : NamedTuple or None
         `Escapement`, with its memory; None compiles to nothing.
-    start : (n,) array
-        State at the first of the times.
-    times : (k,) array
-        Increasing.
     tolerance : float
         Local error allowed, relative to `scale`.
     patience : int
@@ -66,8 +62,6 @@ def march(
     amiss : float
         Put to the state at each step, relative, up or down by chance: 0, or much more than rounding to see what the
         motion makes of it.
-    states : (k, n) array
-        Result.
     scale : (n,) array
         Receives the largest size of each component.
     counts : (3,) integer array
@@ -81,9 +75,12 @@ def march(
         Times of the kicks, and the number of each.
     """
     n, end = start.size, times[-1]
-    state, low, following, left_over = start.copy(), np.zeros(n), start.copy(), np.zeros(n)
-    increment, slope, point, spare = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    allowed, expected, k, polynomial = np.zeros(n), np.zeros(n), np.zeros((16, n)), np.zeros((7, n))
+    space = Space(
+        start.copy(), np.zeros(n), start.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros(n), np.zeros(n), scale, np.zeros((16, n)), np.zeros((7, n)),
+    )  # fmt: skip
+    state, low, following, left_over, slope = space.state, space.low, space.following, space.left_over, space.slope
+    increment, point, spare, k = space.increment, space.point, space.spare, space.k
     moments, which, noted = np.zeros(_NOTED), np.zeros(_NOTED, dtype=np.int64), 0
     time, time_low, step = times[0], 0.0, 0.0
     derivative(time, start, system, slope)
@@ -96,12 +93,12 @@ def march(
     derivative(time + aside, point, system, spare)
     for i in range(n):
         spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
-    expect(start, slope, spare, expected)
+    expect(start, slope, spare, space.expected)
     for i in range(n):
         scale[i] = abs(start[i])
     begin(event, memory, start)
-    allow(scale, expected, tolerance, allowed)
-    proposed = first_step(start, slope, allowed, tolerance, end - time)
+    allow(tolerance, space)
+    proposed = first_step(start, slope, space.allowed, tolerance, end - time)
     # the step in hand is of no length, and ends at the start
     error, share, ready, final, halted = _AVERAGE, 2.0, True, False, False
     shortest = 4e-16 * max(abs(time), abs(end))
@@ -110,12 +107,12 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
+                dense(time + time_low, step, space, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
             for i in range(n):
-                states[written, i] = between(part, state[i], low[i], polynomial, i)
+                states[written, i] = between(part, space, i)
             written += 1
         if written == times.size:
             break
@@ -129,7 +126,7 @@ def march(
                 if noted + event.level.size > moments.size:
                     moments = np.concatenate((moments, np.empty_like(moments)))
                     which = np.concatenate((which, np.empty_like(which)))
-                noted = strike(event, memory, share, time, following, left_over, system, moments, which, noted)
+                noted = strike(event, memory, share, time, space, system, moments, which, noted)
             derivative(time + time_low, following, system, slope)
             counts[EVALUATIONS] += 1
         if halted:
@@ -143,7 +140,7 @@ def march(
             low[i] = left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
             k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
-        allow(scale, expected, tolerance, allowed)
+        allow(tolerance, space)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
             stop = halt(kicks_of(system), kicks, end)
@@ -153,11 +150,11 @@ def march(
                 step = left
             halted = final and stop < end
             final = final and not halted
-            attempt(time + time_low, step, state, k, point, slope, increment, system)
+            attempt(time + time_low, step, space, system)
             counts[EVALUATIONS] += 11
-            error = local_error(step, k, allowed)
+            error = local_error(step, space)
             if error <= 1.0:
-                add(state, low, increment, following, left_over)
+                add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 1
                 if is_finite(slope):
@@ -171,7 +168,7 @@ def march(
         if status != DONE:
             break
         counts[STEPS] += 1
-        if is_stiff(step, k, slope, following, point, allowed):
+        if is_stiff(step, space):
             stiff += 1
             calm = 0
         else:
@@ -188,25 +185,25 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, state, k, point, slope, spare, increment, polynomial, system)
+            dense(time + time_low, step, space, system)
             counts[EVALUATIONS] += 3
             ready = True
-            share = locate(event, memory, state, low, following, left_over, polynomial)
+            share = locate(event, memory, space)
             if share <= 1.0:
                 step *= share
                 final = halted = False
                 ready = False
-                attempt(time + time_low, step, state, k, point, slope, increment, system)
-                add(state, low, increment, following, left_over)
+                attempt(time + time_low, step, space, system)
+                add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 12
-                component, lack = miss(event, memory, share, following, left_over)
+                component, lack = miss(event, memory, share, space)
                 late = lack / slope[component] if slope[component] != 0.0 else 0.0
                 if abs(late) <= 1e-3 * step:  # to the level by the tangent; near a touch the root stands as found
                     step += late
                     for i in range(n):
                         increment[i] += late * slope[i]
-                    add(state, low, increment, following, left_over)
+                    add(space)
     return status, time, state, moments[:noted], which[:noted]
 
 
@@ -224,22 +221,7 @@ class StiffError(RefusedError):
 
 
 class Run:
-    """A march that is done.
-
-    `RefusedError`: why there are no states at some of the times.
-
-    Parameters
-    ----------
-    system, event
-        As of `march`.
-    start : (n,) array
-    times : (k,) array
-        Increasing, s; the first is the time of the start.
-    tolerance : float
-        Local error allowed, relative to the largest size of each component so far.
-    patience, amiss
-        As of `march`.
-    """
+    """An integration that is done, see `march`; `RefusedError` where there are no states at some of the times."""
 
     def __init__(
         self, system: Any, event: Escapement | None, start: Floats, times: Floats, tolerance: float,
@@ -260,3 +242,7 @@ class Run:
             kind = StiffError if status == TOO_STIFF else RefusedError
             why = reason(system, state, _REASONS[status])
             raise kind(f"explicit, {type(system).__name__} at t = {time:.6g}: {why}")
+
+    def at(self, times: Floats) -> Floats:
+        """States (k, n) at some of its times."""
+        return self.states[np.searchsorted(self.times, times)]

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from data_schemas.errors import RefusedError
 from synth.integrators import radau_march as marching
 from synth.integrators.radau_march import EVALUATIONS, LOOSE, STEPS
+from synth.integrators.radau_step import space
 from synth.integrators.trajectory import Trajectory, checked, reason, relative_error
 from synth.phase import Floats, Integers
 
@@ -99,8 +100,6 @@ class Run(NamedTuple):
     """One march."""
 
     tolerance: float
-    orders: tuple[int, int]
-    """Fewest and most stages."""
     states: Floats
     """(k, n) at the instants asked for."""
     largest: Floats
@@ -148,19 +147,16 @@ class Problem(NamedTuple):
 
     def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
         """March once; RefusedError where it comes to a stop."""
-        n = self.start.size
-        space, places = np.zeros(42 * n + 15 * n * n), np.zeros(14 * n, dtype=np.int64)
-        states, largest, counts = np.empty((self.times.size, n)), np.zeros(n), np.zeros(3, dtype=np.int64)
-        state = space[38 * n : 39 * n]
-        state[:] = self.start
+        arrays, states = space(self.start), np.empty((self.times.size, self.start.size))
+        counts = np.zeros(3, dtype=np.int64)
         outcome, time = marching.march(
-            self.times, tolerance, reading, orders, (0,) * n, self.system, self.least,
-            space, places, states, largest, counts,
+            self.system, arrays, self.times, self.least, (tolerance, reading), orders, (0,) * self.start.size,
+            states, counts,
         )  # fmt: skip
         if outcome != marching.DONE:
-            why = reason(self.system, state, _REASONS[outcome])
+            why = reason(self.system, arrays.state, _REASONS[outcome])
             raise RefusedError(f"radau: stopped at t = {time:.6g} s after {counts[STEPS]} steps: {why}")
-        return Run(tolerance, orders, states, largest, counts)
+        return Run(tolerance, states, arrays.largest, counts)
 
 
 def swing_of_bobs(system: Any, start: Floats) -> Floats:

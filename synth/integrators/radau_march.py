@@ -1,4 +1,4 @@
-"""The march of Radau IIA: the length of its steps, their order, and the readings on the way.
+"""Integration by Radau IIA: the length of its steps, their order, and the readings on the way.
 
 The state and the time are kept as sums of two doubles: a step adds an increment that is small against them.
 
@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from synth.integrators.radau_linear import address
 from synth.integrators.radau_step import (
     NOT_FINITE,
     SOLVED,
-    Work,
+    Space,
+    addresses,
     collocate_any,
     differences,
     evaluate,
@@ -57,60 +57,45 @@ def _allowances(tolerance: float, dense: float, s: int) -> tuple[float, float]:
 
 @kernel
 def march(
-    times: Any, tolerance: float, reading: float, orders: tuple[int, int], size: Any, system: Any, least: Any,
-    space: Any, places: Any, out: Any, largest: Any, counts: Any,
+    system: Any, arrays: Space, times: Any, least: Any, tolerances: tuple[float, float], orders: tuple[int, int],
+    size: Any, out: Any, counts: Any,
 ) -> tuple[int, float]:  # fmt: skip
-    """March from the first to the last of `times`.
+    """Integrate from the first to the last of increasing `times` (k,) and fill `out` (k, n) there.
 
     Parameters
     ----------
-    times : (k,) increasing array
-    tolerance, reading : float
-        Relative error wanted of ends of steps, of readings inside.
+    arrays : Space
+        As of `space`; its state and largest sizes move on.
+    least : (n,) array
+        What counts as small of each component.
+    tolerances : tuple
+        Relative error wanted of ends of steps, and of readings inside.
     orders : tuple
         Fewest and most stages, of 3, 5, 7.
     size : tuple of length n
-    system : NamedTuple
-    least : (n,) array
-        What counts as small of each component.
-    space : (42 n + 15 n^2,) array
-    places : (14 n,) integer array
-        Working space; at first zero but for the start, and then for the state, in `space[38 n : 39 n]`.
-    out : (k, n) array
-        States at `times`.
-    largest : (n,) array
-        Largest size of each component on the way; at first zero.
     counts : (3,) integer array
-        Steps, evaluations, rejected steps; at first zero.
+        Receives steps, evaluations, rejected steps.
 
     Returns
     -------
     outcome, time
         DONE, or why not: STUCK, UNDEFINED (not finite) or ENDLESS; how far it came, s.
     """
-    n, k = len(size), times.size
-    z, f, g, polynomial = address(space, 0), address(space, 7 * n), address(space, 14 * n), address(space, 21 * n)
-    scale, carry = address(space, 36 * n), address(space, 37 * n)
-    state, slope = space[38 * n : 39 * n], space[39 * n : 40 * n]
-    point, other = space[40 * n : 41 * n], space[41 * n : 42 * n]
-    spare = space[35 * n : 36 * n]
-    here, slope_at, square = address(space, 38 * n), address(space, 39 * n), n * n
-    slopes, slopes_at = space[42 * n : 42 * n + square].reshape(n, n), address(space, 42 * n)
-    work = Work(z, f, g, address(space, 42 * n + square), address(places, 0), point, other)
-    stack, exchanges = address(space, 42 * n + 8 * square), address(places, 7 * n)
-    part_work = Work(address(space, 29 * n), f, g, stack, exchanges, point, other)
+    n, k, work = len(size), times.size, addresses(arrays)
+    state, slope, slopes = arrays.state, arrays.slope, arrays.slopes
+    point, other, spare = arrays.point, arrays.other, arrays.spare
+    largest, carry, scale, z, polynomial = work.largest, work.carry, work.scale, work.z, work.polynomial
+    tolerance, reading = tolerances
     time, late = times[0], 0.0  # the time is their sum
     s, old, since, old_step, old_log = orders[1], 0, 0, 0.0, 0.0
     end = times[k - 1]
     span = end - time
-    for c in range(n):
-        largest[c] = abs(state[c])
     out[0] = state
     done = 1
     counts[EVALUATIONS] += n + 1
     jacobian(time, state, system, slopes, slope, other)
     # two marches that grow their steps alike must not begin alike: their difference would tell nothing
-    step = first_step(here, slope_at, slopes_at, span, size) * (tolerance / _BROAD) ** 0.125
+    step = first_step(span, size, work) * (tolerance / _BROAD) ** 0.125
     step = max(step, 10.0 * _SHORTEST * span)
     goal, dense = max(_NEWTON * tolerance, _ROUNDED), _DENSE * reading
     loose, longer = _allowances(tolerance, dense, s)
@@ -134,7 +119,7 @@ def march(
             break
         allowed = min(loose, dense) if crowded else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
-        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, polynomial, z, point)
+        guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, work)
         top = 0.0
         for c in range(n):
             point[c] = state[c] + z[(s - 1) * n + c]
@@ -144,7 +129,7 @@ def march(
         for c in range(n):
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
-        solved, turns, contraction = collocate_any(s, time, step, here, scale, goal, slopes_at, size, work, system)
+        solved, turns, contraction = collocate_any(s, time, step, goal, size, work, system)
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == SOLVED:
@@ -153,7 +138,7 @@ def march(
                 floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
                 scale[c] = 1.0 / max(abs(state[c]), ended, floor)
             again = allowed if careful else 1e300
-            error = local_error(s, time, step, here, slope_at, scale, again, size, work, system)
+            error = local_error(s, time, step, again, size, work, system)
             counts[EVALUATIONS] += 1 if careful else 0
             log = math.log(max(error / allowed, 1e-10)) / (s + 1)
             factor = _SAFE * math.exp(-log)
@@ -182,15 +167,13 @@ def march(
             factor = min(factor, max(0.5, _WANTED / contraction))
         if careful and settled:
             factor = min(factor, 1.0)
-        differences(s, size, z, polynomial)
+        differences(s, size, work)
         # readings inside the step
         cut = 0.0
         while done < k - 1 and (last or (times[done] - time) - late < step):
             part = (times[done] - time) - late
             if error > dense and part > 0.0:
-                turns = part_step(
-                    s, time, part, part / step, here, scale, goal, slopes_at, size, polynomial, part_work, system
-                )
+                turns = part_step(s, time, part, part / step, goal, size, work, system)
                 counts[EVALUATIONS] += s * turns
                 if turns == 0:
                     cut = part
@@ -206,7 +189,7 @@ def march(
             counts[REJECTED] += 1
             continue
         for c in range(n):
-            change = z[(s - 1) * n + c] + carry[c]
+            change = polynomial[c] + carry[c]  # z may be that of a part step
             total = state[c] + change
             carry[c] = change - (total - state[c])
             state[c] = total

@@ -1,7 +1,7 @@
 """One step of Radau IIA: the collocation equations solved by Newton's method in the eigenvectors of A^-1.
 
-Unknowns are the increments z_i of the state at the s nodes, z = h A f(state + z) (Hairer and Wanner 1996, IV.8). What
-is left of f - A^-1 z/h is taken before the change to eigenvectors, which for 7 stages would cost two digits of the sums
+Unknowns are the increments z_i of the state at the s nodes, z = h A f(state + z) (Hairer and Wanner 1996, IV.8). The
+remainder f - A^-1 z/h is taken before the change to eigenvectors, which for 7 stages would cost two digits of the sums
 and leave a method with weights off by 2e-15 in one direction. The iteration goes on until its remainder is below the
 goal, or until rounding alone moves it. Stages come as the length of a tuple, so that each order is compiled with its
 coefficients as constants.
@@ -16,7 +16,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
+import numpy as np
+
+from synth.integrators.radau_linear import address, factor, factor_pair, solve, solve_pair
 from synth.integrators.radau_tables import FIVE, SEVEN, THREE
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.systems.dispatch import derivative
@@ -37,39 +39,77 @@ _E3, _E5, _E7 = THREE.error, FIVE.error, SEVEN.error
 _D3, _D5, _D7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
 
 
-class Work(NamedTuple):
-    """Working space of a step of s stages: addresses, but for the last two, which are arrays (n,)."""
+class Space(NamedTuple):
+    """Arrays of an integration of n unknowns in steps of up to 7 stages; or their addresses, for the kernels of a step."""
 
+    state: Any
+    """(n,) at the start of the step,"""
+    slope: Any
+    """(n,) its derivative there,"""
+    slopes: Any
+    """(n, n) and the Jacobian of the step."""
+    scale: Any
+    """(n,) inverse sizes of the components."""
+    largest: Any
+    """(n,) largest sizes of the components so far."""
+    carry: Any
+    """(n,) what the rounding of the state left over."""
     z: Any
     """(s, n) increments."""
     f: Any
-    """(s, n)."""
+    """(s, n) slopes at the nodes."""
     g: Any
-    """(s, n)."""
+    """(s, n) amplitudes of a correction, in eigenvectors."""
+    polynomial: Any
+    """(s + 1, n) divided differences of the increments."""
     stack: Any
     """(s, n, n) factored matrices,"""
     exchanges: Any
-    """(s, n) with their exchanges, see `radau_linear`."""
+    """(s, n) with their exchanges of rows, see `radau_linear`."""
     point: Any
-    slope: Any
+    other: Any
+    spare: Any
+    """(n,) each."""
+
+
+def space(start: Any) -> Space:
+    """All arrays, for an integration from a state."""
+    n = start.size
+    return Space(
+        start.copy(), np.zeros(n), np.zeros((n, n)), np.zeros(n), np.abs(start), np.zeros(n),
+        np.zeros((7, n)), np.zeros((7, n)), np.zeros((7, n)), np.zeros((8, n)), np.zeros((7, n, n)),
+        np.zeros((7, n), dtype=np.int64),
+        np.zeros(n), np.zeros(n), np.zeros(n),
+    )  # fmt: skip
 
 
 @kernel
-def _prepare(step: float, jacobian: Any, count: Any, size: Any, work: Work) -> bool:
+def addresses(arrays: Space) -> Space:
+    """Addresses of the arrays, but for the last three, with which derivatives are asked for."""
+    return Space(
+        address(arrays.state), address(arrays.slope), address(arrays.slopes), address(arrays.scale),
+        address(arrays.largest), address(arrays.carry), address(arrays.z), address(arrays.f), address(arrays.g),
+        address(arrays.polynomial), address(arrays.stack), address(arrays.exchanges),
+        arrays.point, arrays.other, arrays.spare,
+    )  # fmt: skip
+
+
+@kernel
+def _prepare(step: float, count: Any, size: Any, work: Space) -> bool:
     """Factor all matrices for a step; False if one is singular or not finite."""
     s = len(count)
     rates = _R3 if s == 3 else _R5 if s == 5 else _R7
     inverse = 1.0 / step
-    good = factor(rates[0].real * inverse, jacobian, size, work.stack, work.exchanges)
+    good = factor(rates[0].real * inverse, work.slopes, size, work.stack, work.exchanges)
     for k in range(1, (s + 1) // 2):
         good &= factor_pair(
-            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, jacobian, size, work.stack, work.exchanges
+            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, work.slopes, size, work.stack, work.exchanges
         )
     return good
 
 
 @summing_kernel
-def _correct(step: float, count: Any, size: Any, work: Work) -> None:
+def _correct(step: float, count: Any, size: Any, work: Space) -> None:
     """Correct the increments z by Newton's method from the slopes f; g becomes the amplitudes of the correction."""
     n, s, z, f, g = len(size), len(count), work.z, work.f, work.g
     matrix = _A3 if s == 3 else _A5 if s == 5 else _A7
@@ -100,44 +140,39 @@ def _correct(step: float, count: Any, size: Any, work: Work) -> None:
 
 
 @summing_kernel
-def _size(rows: Any, size: Any, scale: Any, values: Any) -> float:
-    """Weighted root mean square of values, in as many rows as the first tuple is long."""
-    n, total = len(size), 0.0
+def _size(rows: Any, size: Any, work: Space) -> float:
+    """Weighted root mean square of g, in as many rows as the first tuple is long."""
+    n, g, scale, total = len(size), work.g, work.scale, 0.0
     for i in range(len(rows)):
         for c in range(n):
-            total += (values[i * n + c] * scale[c]) * (values[i * n + c] * scale[c])
+            total += (g[i * n + c] * scale[c]) * (g[i * n + c] * scale[c])
     return math.sqrt(total / (n * len(rows)))
 
 
 @kernel
-def _lower(state: Any, count: Any, size: Any, z: Any, scale: Any) -> None:
+def _lower(count: Any, size: Any, work: Space) -> None:
     """Lower the inverse sizes of components that end larger than thought: one that starts at zero, above all."""
     n, s = len(size), len(count)
     for c in range(n):
-        ended = state[c] + z[(s - 1) * n + c]
-        if abs(ended) * scale[c] > 2.0:
-            scale[c] = 1.0 / abs(ended)
+        ended = work.state[c] + work.z[(s - 1) * n + c]
+        if abs(ended) * work.scale[c] > 2.0:
+            work.scale[c] = 1.0 / abs(ended)
 
 
 @kernel
 def collocate(
-    time: float, step: float, state: Any, scale: Any, goal: float, jacobian: Any, count: Any, size: Any, work: Work,
-    system: Any,
-) -> tuple[int, int, float]:  # fmt: skip
-    """Solve one step.
+    time: float, step: float, goal: float, count: Any, size: Any, work: Space, system: Any
+) -> tuple[int, int, float]:
+    """Solve one step: `work.z` holds a first guess of the increments, the solution on return.
 
     Parameters
     ----------
     time, step : float
-    state : (n,) array
-    scale : (n,) array
-        Inverse sizes of the components; lowered where a component turns out larger.
     goal : float
         Remainder of the iteration to reach, relative to the sizes.
-    jacobian : (n, n) array
     count, size : tuples of length s and n
-    work : Work
-        z holds a first guess of the increments, the solution on return.
+    work : Space
+        Addresses. Inverse sizes are lowered where a component turns out larger.
     system : NamedTuple
 
     Returns
@@ -145,10 +180,10 @@ def collocate(
     outcome, corrections, contraction
         SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough.
     """
-    if not _prepare(step, jacobian, count, size, work):
+    if not _prepare(step, count, size, work):
         return NOT_FINITE, 0, 1.0
     n, s = len(size), len(count)
-    z, f, point, slope = work.z, work.f, work.point, work.slope
+    state, z, f, point, slope = work.state, work.z, work.f, work.point, work.other
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     most = 2 * s + 2
     contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
@@ -162,8 +197,8 @@ def collocate(
                 f[i * n + c] = slope[c]
         _correct(step, count, size, work)
         if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
-            _lower(state, count, size, z, scale)
-        moved = _size(count, size, scale, work.g)
+            _lower(count, size, work)
+        moved = _size(count, size, work)
         if not moved < 1e100:
             return NOT_FINITE, turn, 1.0
         if turn > 1:
@@ -183,25 +218,24 @@ def collocate(
 
 @kernel
 def collocate_any(
-    s: int, time: float, step: float, state: Any, scale: Any, goal: float, jacobian: Any, size: Any, work: Work,
-    system: Any,
-) -> tuple[int, int, float]:  # fmt: skip
-    """`collocate` for a number of stages chosen while marching: it becomes a constant of the compiler."""
+    s: int, time: float, step: float, goal: float, size: Any, work: Space, system: Any
+) -> tuple[int, int, float]:
+    """`collocate` for a number of stages chosen while integrating: it becomes a constant of the compiler."""
     if s == 3:
-        return collocate(time, step, state, scale, goal, jacobian, _S3, size, work, system)
+        return collocate(time, step, goal, _S3, size, work, system)
     if s == 5:
-        return collocate(time, step, state, scale, goal, jacobian, _S5, size, work, system)
-    return collocate(time, step, state, scale, goal, jacobian, _S7, size, work, system)
+        return collocate(time, step, goal, _S5, size, work, system)
+    return collocate(time, step, goal, _S7, size, work, system)
 
 
 @summing_kernel
-def differences(s: int, size: Any, increments: Any, out: Any) -> None:
-    """Divided differences (s + 1, n) of the increments (s, n); the increment at 0 is zero."""
-    n = len(size)
+def differences(s: int, size: Any, work: Space) -> None:
+    """The polynomial of the increments; it is zero at 0, and its first coefficient is the increment of the step."""
+    n, out = len(size), work.polynomial
     reciprocals = _D3 if s == 3 else _D5 if s == 5 else _D7
     for c in range(n):
         for i in range(s):
-            out[i * n + c] = increments[(s - 1 - i) * n + c]
+            out[i * n + c] = work.z[(s - 1 - i) * n + c]
         out[s * n + c] = 0.0
     for level in range(1, s + 1):
         for i in range(s, level - 1, -1):
@@ -222,45 +256,39 @@ def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) 
 
 
 @summing_kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, polynomial: Any, z: Any, base: Any) -> None:
+def guess(s: int, old: int, begin: float, ratio: float, size: Any, work: Space) -> None:
     """First guess of a step of s stages from the polynomial of another one of `old` stages (0: none).
 
     It starts at the share `begin` of that one, and is `ratio` times as long.
     """
-    n = len(size)
+    n, z, base = len(size), work.z, work.point
     nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     if old == 0:
         for i in range(s * n):
             z[i] = 0.0
         return
-    evaluate(begin, old, size, polynomial, base, 0)
+    evaluate(begin, old, size, work.polynomial, base, 0)
     for i in range(s):
-        evaluate(begin + ratio * nodes[i], old, size, polynomial, z, i)
+        evaluate(begin + ratio * nodes[i], old, size, work.polynomial, z, i)
         for c in range(n):
             z[i * n + c] -= base[c]
 
 
 @kernel
-def part_step(
-    s: int, time: float, part: float, share: float, state: Any, scale: Any, goal: float, jacobian: Any, size: Any,
-    polynomial: Any, work: Work, system: Any,
-) -> int:  # fmt: skip
+def part_step(s: int, time: float, part: float, share: float, goal: float, size: Any, work: Space, system: Any) -> int:
     """Solve the first `share` of a step by itself: increments in `work.point`, with the order of the end of a step.
 
     Returns the corrections made, or 0 where it could not be solved; `work.point` then holds nothing of use.
     """
-    guess(s, s, 0.0, share, size, polynomial, work.z, work.point)
-    outcome, turns, _ = collocate_any(s, time, part, state, scale, goal, jacobian, size, work, system)
+    guess(s, s, 0.0, share, size, work)
+    outcome, turns, _ = collocate_any(s, time, part, goal, size, work, system)
     for c in range(len(size)):
         work.point[c] = work.z[(s - 1) * len(size) + c]
     return turns if outcome == SOLVED else 0
 
 
 @kernel
-def local_error(
-    s: int, time: float, step: float, state: Any, slope: Any, scale: Any, again: float, size: Any, work: Work,
-    system: Any,
-) -> float:  # fmt: skip
+def local_error(s: int, time: float, step: float, again: float, size: Any, work: Space, system: Any) -> float:
     """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1.
 
     Hairer and Wanner (1996), IV.8, (8.19) and (8.20).
@@ -268,38 +296,38 @@ def local_error(
     Where it exceeds `again` it is filtered once more, with the slope at the corrected start: the first filter
     overestimates what a stiff component has before it settled.
     """
-    n, z, f, point, other = len(size), work.z, work.f, work.point, work.slope
+    n, z, f, g, point = len(size), work.z, work.f, work.g, work.point
     weights = _E3 if s == 3 else _E5 if s == 5 else _E7
     gain = (_R3 if s == 3 else _R5 if s == 5 else _R7)[0].real / step
     for c in range(n):
         total = 0.0
         for i in range(s):
             total += weights[i] * z[i * n + c]
-        f[n + c] = gain * total
-        f[c] = slope[c] + f[n + c]
-    solve(size, work.stack, work.exchanges, f)
-    error = _size(_ONE, size, scale, f)
+        f[c] = gain * total
+        g[c] = work.slope[c] + f[c]
+    solve(size, work.stack, work.exchanges, g)
+    error = _size(_ONE, size, work)
     if error > again:
         for c in range(n):
-            point[c] = state[c] + f[c]
-        derivative(time, point, system, other)
+            point[c] = work.state[c] + g[c]
+        derivative(time, point, system, work.other)
         for c in range(n):
-            f[c] = other[c] + f[n + c]
-        solve(size, work.stack, work.exchanges, f)
-        error = _size(_ONE, size, scale, f)
+            g[c] = work.other[c] + f[c]
+        solve(size, work.stack, work.exchanges, g)
+        error = _size(_ONE, size, work)
     return error
 
 
 @kernel
-def first_step(state: Any, slope: Any, curvature: Any, span: float, size: Any) -> float:
+def first_step(span: float, size: Any, work: Space) -> float:
     """A tenth of the shortest time in which state, slope and curvature (J slope) change one another by their size."""
     n = len(size)
     step = 1e-2 * span
     for c in range(n):
         bend = 0.0
         for j in range(n):
-            bend += curvature[c * n + j] * slope[j]
-        y, f, b = abs(state[c]), abs(slope[c]), abs(bend)
+            bend += work.slopes[c * n + j] * work.slope[j]
+        y, f, b = abs(work.state[c]), abs(work.slope[c]), abs(bend)
         if f > 0.0 and b > 0.0:
             step = min(step, _CAREFUL * f / b)
         if f > 0.0 and y > 0.0:

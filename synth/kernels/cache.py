@@ -1,7 +1,9 @@
-"""Where compiled kernels are kept; known without numba, whose import takes a second.
+"""Where compiled kernels are kept, and what they were made from; known without numba, whose import takes a second.
 
-One folder for each installation and the versions that it runs with; what a kernel in it was made from, its name tells
-(`stored.py`).
+One folder for each installation and the versions that it runs with. A kernel's file name holds a digest (`stamp`) of
+its own source and of all of the project that its source imports, in turn: an edit recompiles what depends on it, and
+nothing else. Imports are read from the text, also those inside functions; more than what is compiled may be among them,
+never less.
 """
 
 from __future__ import annotations
@@ -16,13 +18,25 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 _KEPT_GENERATIONS = 4  # older cache folders are removed, so that upgrades do not fill the disk
 _INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
 _RUNS_WITH = ("numba", "llvmlite", "numpy", "scipy")
+PACKAGES = ("synth", "pipeline", "data_schemas")
+ROOT = Path(__file__).parents[2]
+_IMPORT = re.compile(
+    rf"^[ \t]*(?:from[ \t]+((?:{'|'.join(PACKAGES)})\b[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
+    rf"|import[ \t]+((?:{'|'.join(PACKAGES)})\b[\w., \t]*))",
+    re.MULTILINE,
+)
+_REGISTRY = "synth.systems.dispatch"
+"""Kernels that go through it call what other modules registered there, which they need not import."""
+_BEGUN = time.time() - 0.01  # s: clocks of file systems are coarser
 WATCHERS: list[Callable[[str], None]] = []
 """Told the name of every kernel that is about to be compiled for Python."""
 
@@ -95,3 +109,66 @@ def _prune(base: Path) -> None:
     generations = sorted(own, key=lambda each: each.stat().st_mtime)
     for stale in generations[: max(0, len(generations) - _KEPT_GENERATIONS + 1)]:
         shutil.rmtree(stale, ignore_errors=True)
+
+
+class Source(NamedTuple):
+    """A file as it stands, and what it imports of the project."""
+
+    digest: bytes
+    imports: tuple[Path, ...]
+    changed: float
+    """Time at which it was last written or replaced."""
+
+
+def stamp(file: str, modules: Iterable[str] = ()) -> str | None:
+    """Digest of all that a kernel in `file` was made from, with the modules that define the types of its arguments.
+
+    None where a part of it changed after this process began, which may have loaded either state of it.
+    """
+    found = closure([Path(file), *(path for name in modules for path in _files(name))])
+    if any(source.changed >= _BEGUN for source in found.values()):
+        return None
+    told = hashlib.sha256()
+    for path in sorted(found):
+        told.update(path.as_posix().encode() + b"\0" + found[path].digest)
+    return told.hexdigest()[:16]
+
+
+def closure(begin: Iterable[Path]) -> dict[Path, Source]:
+    """Files, and the files of the project that they import, in turn."""
+    found: dict[Path, Source] = {}
+    left = list(begin)
+    while left:
+        path = left.pop()
+        if path in found:
+            continue
+        found[path] = _read(path)
+        left += found[path].imports
+        if path in _files(_REGISTRY):
+            left += [other for other in (ROOT / "synth").rglob("*.py") if path in _read(other).imports]
+    return found
+
+
+def _read(path: Path) -> Source:
+    status = path.stat()
+    return _read_as_of(path, max(status.st_mtime, status.st_ctime))
+
+
+@functools.cache
+def _read_as_of(path: Path, changed: float) -> Source:
+    text = path.read_bytes()
+    imported = [each for match in _IMPORT.finditer(text.decode(errors="replace")) for each in _named(*match.groups())]
+    return Source(hashlib.sha256(text).digest(), tuple(imported), changed)
+
+
+def _named(package: str | None, names: str, modules: str | None) -> list[Path]:
+    """Files of an import statement: the module itself and, of a package, those of its modules that it names."""
+    if package is None:
+        return [path for each in (modules or "").split(",") for path in _files(each.split()[0])]
+    return _files(package) + [path for each in re.findall(r"\w+", names) for path in _files(f"{package}.{each}")]
+
+
+@functools.cache
+def _files(module: str) -> list[Path]:
+    place = ROOT.joinpath(*module.split("."))
+    return [path for path in (place.with_suffix(".py"), place / "__init__.py") if path.is_file()]

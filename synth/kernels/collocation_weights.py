@@ -7,18 +7,20 @@ Over one interval of length h each component obeys, with its linear part taken o
     y'(t) = -square K(t) y(0)     + K'(t) y'(0) + sum_k r_k integral_0^t K'(t - s) l_k(s) ds
 
 with K'' + loss K' + square K = 0, K(0) = 0, K'(0) = 1. Integrals are Gauss sums, those to the end in long doubles. The
-propagator over a whole interval comes from whole-number arithmetic of 320 bits: its rounded entries alone would cost
-1e-12 in an hour; it and the weights of the end, whose errors repeat in every interval, are kept as sums of two doubles.
+propagator over a whole interval comes from ball arithmetic of 192 bits: its rounded entries alone would cost 1e-12 in
+an hour; it and the weights of the end, whose errors repeat in every interval, are kept as sums of two doubles.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import threading
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+from flint import acb, arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from synth.kernels.collocation import NODES
@@ -29,9 +31,9 @@ Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubl
 FINE = 1 << 40
 """Nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point."""
 
-_BITS = 320
-_ONE = 1 << _BITS  # 1 in fixed point
-_NOTHING = 1 << 8  # rounding of what follows
+_BITS = 192
+_ALONE = threading.Lock()  # the precision of balls is one for all threads
+_SPLIT = 134217729.0  # 2^27 + 1
 _QUADRATURE = 28  # exact for r times the 40th power of time: K over 5 rad to 1e-20
 
 
@@ -76,13 +78,15 @@ def weights(
     inner = (inside[:, :, None, :] @ basis)[:, :, 0].transpose(0, 2, 1) * length  # (2, node, place)
     inner *= np.array([scale * scale, scale])[:, None, None]
     flow = np.stack([slope + lost * own, scale * own, -float(square / unit) * own, slope])
-    half = _long(loss) / 2
-    final = _kernel(_long(square) - half * half, half, _long(interval) * lagrange[0])
-    units = _long(unit) * _long(unit), _long(unit)
-    last = np.stack([each @ lagrange[1] * size for each, size in zip(final, units, strict=True)]) * _long(interval)
+    with _ALONE, ctx.workprec(_BITS):
+        balls = [arb(fmpq(*each.as_integer_ratio())) for each in (square, loss, interval, unit)]
+        exact = _propagator(*balls)
+        long_square, long_loss, long, long_unit = (_long(each) for each in balls)
+    final = _kernel(long_square - long_loss * long_loss / 4, long_loss / 2, long * lagrange[0])
+    units = long_unit * long_unit, long_unit
+    last = np.stack([each @ lagrange[1] * size for each, size in zip(final, units, strict=True)]) * long
     leading = last.astype(np.float64)
     end = np.concatenate([leading, (last - leading).astype(np.float64)])
-    exact = _propagator(Fraction(square), Fraction(loss), Fraction(interval), unit)
     worth = length * min(length / 2, 1.0 / max(math.sqrt(abs(float(square))), 1e-300))
     return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
 
@@ -119,23 +123,18 @@ def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
     return first, second, (left[NODES], basis[NODES]), third
 
 
-def _long(value: float | Fraction) -> Any:
+def _long(ball: Any) -> Any:
     """The number as a long double."""
-    leading = float(value)
-    return np.longdouble(leading) + np.longdouble(float(Fraction(value) - Fraction(leading)))
+    leading = float(ball)
+    return np.longdouble(leading) + np.longdouble(float(ball - leading))
 
 
 def _gauss() -> tuple[Longs, Longs]:
-    """Gauss-Legendre rule on [0, 1] in long doubles: Newton steps from the rule in doubles."""
-    x: Longs = np.polynomial.legendre.leggauss(_QUADRATURE)[0].astype(np.longdouble)
-    for _ in range(3):
-        before, value = np.ones_like(x), x.copy()
-        for m in range(2, _QUADRATURE + 1):
-            before, value = value, ((2 * m - 1) * x * value - (m - 1) * before) / m
-        slope = _QUADRATURE * (x * value - before) / (x * x - 1)
-        x = x - value / slope
-    share = 1 / ((1 - x * x) * slope * slope)
-    return (1 + x) / 2, share
+    """Gauss-Legendre rule on [0, 1] in long doubles."""
+    with _ALONE, ctx.workprec(_BITS):
+        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
+        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
+    return np.longdouble(0.5) + abscissa, share
 
 
 def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
@@ -153,38 +152,19 @@ def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
     return sine, cosine - half * sine
 
 
-def _propagator(square: Fraction, loss: Fraction, interval: Fraction, unit: Fraction) -> list[float]:
-    """Entries over one interval, right to 2^-106."""
-    total, slope = _series(_fixed(square * interval**2), _fixed(loss * interval))
-    own, rise = Fraction(total, _ONE) * interval, Fraction(slope, _ONE)
-    return [part for entry in (rise + loss * own, unit * own, -square / unit * own, rise) for part in _parts(entry)]
-
-
-def _series(square: int, loss: int) -> tuple[int, int]:
-    """K and K' at the end of an interval of length 1, by power series from the equation of motion; in fixed point."""
-    before, term = 0, _ONE  # 1/i! times the i-th derivative of K at zero, i = 0 and 1
-    total, slope, order = term, _ONE, 1
-    while abs(term) + abs(before) > _NOTHING:
-        # K^(i+2) = -loss K^(i+1) - square K^(i)
-        steeper = -(loss * term >> _BITS) - (square * before // order >> _BITS)
-        slope += steeper
-        order += 1
-        before, term = term, steeper // order
-        total += term
-    return total, slope
-
-
-def _parts(entry: Fraction) -> list[float]:
-    """Head and tail (26 bits each) of the leading double, itself, and what is left."""
-    leading = float(entry)
-    mantissa, exponent = math.frexp(leading)
-    head = math.ldexp(math.floor(math.ldexp(mantissa, 26) + 0.5), exponent - 26)
-    return [head, leading - head, leading, float(entry - Fraction(leading))]
-
-
-def _fixed(value: Fraction) -> int:
-    """The number in fixed point."""
-    return (value.numerator << _BITS) // value.denominator
+def _propagator(square: Any, loss: Any, interval: Any, unit: Any) -> list[float]:
+    """Entries over one interval, right to 2^-106: of each its leading double in two halves and whole, and the rest."""
+    half = loss / 2
+    turn = acb(square - half * half).sqrt() * interval
+    fade = (-half * interval).exp()
+    own = fade * interval * turn.sinc().real
+    slope = fade * turn.cos().real - half * own
+    parts = []
+    for entry in (slope + loss * own, unit * own, -square / unit * own, slope):
+        leading = float(entry)
+        head = leading * _SPLIT - (leading * _SPLIT - leading)
+        parts += [head, leading - head, leading, float(entry - leading)]
+    return parts
 
 
 @functools.cache

@@ -3,8 +3,7 @@
 The remainder is all that a pendulum has beyond y'' + 2 gamma y' + n^2 y = n^2 r, theta = steady + y:
 
     r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive
-
-    r = -zeta theta - drive                                        where the law is linear
+    r = -zeta theta - drive                                               where the law is linear
 
 In every interval the angle at the nodes and the remainder there are computed from each other in turn until they agree.
 Nothing is allocated in inner loops. Kernels of the remainder are odd in (theta, u, drive) to the last bit.
@@ -21,11 +20,8 @@ from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats
 
-MOST_TURNS = 20
-"""Picard iterations after which an interval counts as too long."""
-
-HOPELESS = 1e20
-"""Square of a change of r, rad, from which iteration runs away."""
+_MOST_TURNS = 20  # iterations after which an interval counts as too long
+_HOPELESS = 1e20  # square of a change of r, rad, from which iteration runs away
 
 
 class Forcing(NamedTuple):
@@ -68,11 +64,9 @@ def march(
     Parameters
     ----------
     state : (pendulums, 4)
-        y and y'/n at the start, each as leading double and rest; at the end on return.
+        y and y'/n, each as leading double and rest; moves on.
     remainder : (pendulums, NODES)
-        r in the interval before, zero if unknown; in the last interval on return.
-    forcing : Forcing
-    law : Law
+        r in the interval before, zero if unknown; moves on.
     floor : (pendulums,)
         Square of an angle below which agreement is not asked for in relation to y alone.
     stop : float
@@ -103,7 +97,7 @@ def march(
         turns = 0
         agree = False
         while not agree:
-            if turns == MOST_TURNS:
+            if turns == _MOST_TURNS:
                 return i
             turns += 1
             now = 1 - now
@@ -117,7 +111,7 @@ def march(
                 for p in range(pendulums):
                     limit = stop * stop * max(report[p, 3], floor[p])
                     step = change(known, p)
-                    if step > HOPELESS:
+                    if step > _HOPELESS:
                         return i
                     agree &= not step > limit
             for p in range(pendulums):

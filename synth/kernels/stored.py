@@ -17,8 +17,7 @@ from typing import Any
 from numba.core import caching, types
 from numba.core.compiler import CompileResult
 
-from synth.kernels.cache import WATCHERS, cache_folder
-from synth.kernels.sources import PACKAGES, ROOT, stamp
+from synth.kernels.cache import PACKAGES, ROOT, WATCHERS, cache_folder, stamp
 
 _KEPT = 4
 """Stamps that are kept of a kernel: branches between which somebody works."""

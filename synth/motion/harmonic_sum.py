@@ -102,14 +102,6 @@ def harmonics(term: Harmonics) -> HarmonicSum:
 
 
 def near_resonant(term: NearResonantMotion, frequency: float) -> HarmonicSum:
-    """Place the harmonic beside a pendulum.
-
-    Parameters
-    ----------
-    term
-        Its detuning nu, or the time pi/nu between the vanishings of the beat.
-    frequency
-        n of the pendulum it is close to, rad/s.
-    """
+    """Place the harmonic beside a pendulum of frequency n, rad/s."""
     phasor = term.amplitude * complex(np.exp(1j * term.phase))
     return HarmonicSum(np.array([frequency - 2 * term.nu]), np.array([phasor]))

@@ -27,57 +27,32 @@ _POINTS = 20_001
 
 
 def spectral_shape(relative_frequency: Floats, peak_factor: float) -> Floats:
-    """S(x) of the formula above, without the scale.
-
-    Parameters
-    ----------
-    relative_frequency
-        x = w/w_peak, above 0.
-    peak_factor
-        G.
-    """
+    """S(x) of the formula above for x = w/w_peak above 0, without the scale; the peak factor is G."""
     x = relative_frequency
     width = np.where(x <= 1, 0.07, 0.09)
     peak = np.exp(-((x - 1) ** 2) / (2 * width**2))
-    shape: Floats = x**-5 * np.exp(-1.25 * x**-4) * peak_factor**peak
-    return shape
+    return np.asarray(x**-5 * np.exp(-1.25 * x**-4) * peak_factor**peak)
 
 
 def bin_variances(edges: Floats, spectrum: str, significant_height: float) -> Floats:
     """Variance of the sea's elevation in bins of frequency, m^2.
 
-    Parameters
-    ----------
-    edges
-        Of the bins, as multiples of the peak frequency, increasing, from LOWEST to at most 40.
-    spectrum
-        A key of PEAK_FACTOR.
-    significant_height
-        Four times the rms elevation of the whole spectrum, m.
+    The edges of the bins are multiples of the peak frequency, increasing, from LOWEST to at most 40; the spectrum is a
+    key of PEAK_FACTOR; the significant height four times the rms elevation of the whole spectrum, m.
     """
     x = np.geomspace(LOWEST / 2, _TOP, _POINTS)
     density = spectral_shape(x, PEAK_FACTOR[spectrum])
     below = np.concatenate([[0.0], np.cumsum(np.diff(x) * (density[1:] + density[:-1]) / 2)])
     whole = below[-1] + _TOP**-4 / 4
-    parts: Floats = np.diff(np.interp(edges, x, below)) / whole
-    return parts * (significant_height**2 / 16)
+    return np.asarray(np.diff(np.interp(edges, x, below)) / whole * (significant_height**2 / 16))
 
 
 def sea(term: SeaMotion, gravity: float, chance: np.random.Generator) -> HarmonicSum:
     """Draw a sea.
 
-    The bins are equally wide; the frequency of each harmonic is drawn evenly inside its bin, so that the
-    record does not repeat itself, and its phase at random. Its amplitude follows from the variance of its
-    bin.
-
-    Parameters
-    ----------
-    term
-        What the scene says.
-    gravity
-        m/s^2, for the wave number.
-    chance
-        Source of frequencies and phases.
+    The bins are equally wide; the frequency of each harmonic is drawn evenly inside its bin, so that the record does
+    not repeat itself, and its phase at random. Its amplitude follows from the variance of its bin. Gravity, m/s^2, is
+    for the wave number.
     """
     peak = 2 * math.pi / term.peak_period
     edges = np.linspace(LOWEST, term.cutoff, term.components + 1)

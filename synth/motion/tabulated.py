@@ -17,15 +17,20 @@ falling. It is an error of the table, not of the simulation: the truth holds the
 
 from __future__ import annotations
 
+import csv
+import io
 import math
+from array import array
 from fractions import Fraction
+from itertools import chain
+from pathlib import Path
 
 import numpy as np
 
-from data_schemas.errors import SceneError
+from data_schemas.errors import FileError, SceneError
 from data_schemas.scene_motion import Table
+from data_schemas.text_files import text_of
 from synth.motion.harmonic_sum import Comb, HarmonicSum
-from synth.motion.table_file import read_table
 from synth.phase import Floats, rational_turns
 
 LONG = 256
@@ -36,16 +41,9 @@ _REFINEMENT = 4  # even steps a typical uneven step
 
 
 def tabulated(term: Table, duration: float) -> HarmonicSum:
-    """Read a table and continue it.
+    """Read a table and continue it over the true time that the record needs, s.
 
     `SceneError` if the table does not cover the record, jumps, or is uneven and should be band-limited.
-
-    Parameters
-    ----------
-    term
-        What the scene says.
-    duration
-        True time that the record needs, s.
     """
     seconds, values = read_table(term)
     begin = term.begin if term.begin is not None else float(seconds[0])
@@ -69,17 +67,7 @@ def tabulated(term: Table, duration: float) -> HarmonicSum:
 
 
 def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
-    """Finite sum of harmonics through even readings.
-
-    Parameters
-    ----------
-    values : (readings,)
-        m/s^2
-    step : float
-        s
-    delay : float
-        Time from the first reading to t = 0, s.
-    """
+    """Finite sum of harmonics through even readings a step apart, s; the first is read a delay before t = 0, s."""
     count = values.size
     margin = min(count - 1, max(64, count // 8))
     mean = float(np.mean(values))
@@ -98,8 +86,7 @@ def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
 def _fade(count: int) -> Floats:
     """From 1 to 0, with all derivatives vanishing at both ends."""
     x = (np.arange(count) + 1.0) / (count + 1.0)
-    fade: Floats = (1 - np.tanh((1 / (1 - x) - 1 / x) / 2)) / 2
-    return fade
+    return np.asarray((1 - np.tanh((1 / (1 - x) - 1 / x) / 2)) / 2)
 
 
 def _resampled(seconds: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -119,12 +106,7 @@ _GAP = 1.5  # typical steps: across a longer one, a wave too comes far
 
 
 def first_jump(seconds: Floats, values: Floats) -> int | None:
-    """Place of the reading before the first jump, or None.
-
-    Parameters
-    ----------
-    seconds, values : (readings,)
-        Times, increasing, and what was read.
+    """Place of the reading before the first jump, or None; times increase, s.
 
     Examples
     --------
@@ -151,10 +133,82 @@ def first_jump(seconds: Floats, values: Floats) -> int | None:
 def _alone(differences: Floats, nearest: int) -> np.ndarray:
     """Where a difference is larger than all from `nearest` to _NEIGHBOURS places away."""
     size = np.abs(differences)
-    padded = np.pad(size, _NEIGHBOURS)
-    largest = np.zeros(size.size)
-    for away in range(nearest, _NEIGHBOURS + 1):
-        for begin in (_NEIGHBOURS - away, _NEIGHBOURS + away):
-            np.maximum(largest, padded[begin : begin + size.size], out=largest)
-    alone: np.ndarray = size > _ALONE * largest
-    return alone
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(size, _NEIGHBOURS), 2 * _NEIGHBOURS + 1)
+    others = np.abs(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)) >= nearest
+    return np.asarray(size > _ALONE * np.max(windows, axis=1, where=others, initial=0.0))
+
+
+@np.errstate(all="ignore")
+def read_table(term: Table) -> tuple[Floats, Floats]:
+    """Two columns of a CSV file or two variables of a netCDF file: times in s, and values times the factor.
+
+    `SceneError` if the file or a column is not there, a value is not a number, or the times do not increase.
+    """
+    path = Path(term.file)
+    try:
+        columns = _netcdf(path, term) if path.suffix == ".nc" else _csv(path, term)
+    except (OSError, ValueError, csv.Error) as error:
+        why = getattr(error, "strerror", None) or error
+        raise SceneError(f"{path}: cannot be read ({why}); mend {term.section}.file") from None
+    seconds, values = columns[0], columns[1] * term.factor
+    if seconds.shape != values.shape or seconds.ndim != 1 or seconds.size < 2:
+        raise SceneError(f"{path}: time and value must be two columns of equal length with two readings at least")
+    if not (np.all(np.isfinite(seconds)) and np.all(np.isfinite(values))):
+        raise SceneError(f"{path}: has values missing or infinite; a motion must be known at all times, fill them in")
+    if np.any(seconds[1:] <= seconds[:-1]):
+        raise SceneError(f"{path}: the times of column {term.time!r} do not increase; sort them")
+    return seconds, values
+
+
+def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
+    numbers = array("d")  # row by row: a list of a million rows would take half a gigabyte
+    with io.StringIO(text_of(path, f"mend {term.section}.file", SceneError), newline="") as file:
+        first_line = file.readline()
+        separator = ";" if ";" in first_line else ","
+        rows = (row for row in csv.reader(chain([first_line], file), delimiter=separator) if row)
+        first = next(rows, None)
+        if first is None:
+            raise SceneError(f"{path}: is empty; give a table with a time and a value column")
+        names = [cell.strip() for cell in first]
+        has_header = not all(_is_number(cell) for cell in names)
+        places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
+        try:
+            for row in rows if has_header else chain([first], rows):
+                numbers.extend(float(row[place]) for place in places)
+        except (ValueError, IndexError):
+            what = f"column {term.time!r} or {term.value!r}"
+            raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None
+    table = np.array(numbers).reshape(-1, 2)
+    return table[:, 0].copy(), table[:, 1].copy()
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _place(path: Path, names: list[str], width: int, column: int | str) -> int:
+    if isinstance(column, int):
+        if column > width:
+            raise SceneError(f"{path}: has no column {column}; it has {width}")
+        return column - 1
+    if column not in names:
+        known = f"it has {', '.join(names)}" if names else "it has no header, give the column's number"
+        raise SceneError(f"{path}: has no column {column!r}; {known}")
+    return names.index(column)
+
+
+def _netcdf(path: Path, term: Table) -> tuple[Floats, Floats]:
+    from data_schemas.reading import load
+
+    try:
+        variables = load(path)[""].variables
+    except FileError as fault:
+        raise SceneError(str(fault)) from None
+    names = list(variables)
+    found = [names[_place(path, names, len(names), column)] for column in (term.time, term.value)]
+    seconds, values = (np.asarray(variables[name].values, dtype=np.float64) for name in found)
+    return seconds, values

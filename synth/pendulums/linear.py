@@ -100,19 +100,7 @@ class Response:
 
 
 def respond(frequency: float, damping_rate: float, start: Start, motion: HarmonicSum, gravity: float) -> Response:
-    """Answer of a linear pendulum to a sum of harmonics.
-
-    Parameters
-    ----------
-    frequency, damping_rate
-        n > gamma >= 0; the pendulum must swing.
-    start
-        State at t = 0.
-    motion
-        Horizontal acceleration of the support.
-    gravity
-        m/s^2.
-    """
+    """Answer of a linear pendulum, n > gamma >= 0, with its state at t = 0, to a horizontal acceleration; SI units."""
     omega = damped_frequency(frequency, damping_rate)
     w = motion.angular_frequency
     force = motion.acceleration * (-(frequency**2) / gravity)  # -n^2 U
@@ -141,22 +129,10 @@ def start_state(response: Response, angular_frequency: Floats) -> Floats:
     """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
 
     A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
-    start on the forced solution starts from here.
-
-    Parameters
-    ----------
-    response
-        As `respond` gives it.
-    angular_frequency : (harmonics,)
-        Of the motion that it answers, rad/s.
-
-    Returns
-    -------
-    (2,) float64
-        rad, rad/s
+    start on the forced solution starts from here. The angular frequencies are those of the motion that it answers,
+    rad/s; returned are rad and rad/s, (2,).
     """
     own = complex(-response.damping_rate, float(response.damped_frequency))
     slow = np.array([np.sum(response.forced), np.sum(1j * angular_frequency * response.forced)])
     free = np.array([response.start, own * response.start + np.sum(response.gain)])
-    state: Floats = (slow + free).real
-    return state
+    return np.asarray((slow + free).real)

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from synth.phase import Floats, Integers, Phasors, Turns, turns
 
-ONE_THREAD = 1 << 18
-"""Multiplications up to which OpenBLAS keeps to one thread."""
+_ONE_THREAD = 1 << 18  # multiplications up to which OpenBLAS keeps to one thread
 _FEWEST_ROWS = 8
 _POINTS = 16  # of the grid under the kernel
 _HALF = _POINTS // 2
@@ -132,15 +131,12 @@ def product(even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, F
     gains little from a second thread, and waits for milliseconds if that thread's core is busy. Products too large
     for strips may have all threads.
 
-    Parameters
-    ----------
-    even, odd
-        Weights (rows, blocks) and tables (rows, reaches) of some functions, at least of one; odd is before minus after.
-    result : (blocks, moments) float64
+    Even and odd parts of each function (at least one) are weights (rows, blocks) and tables (rows, reaches); odd is
+    before minus after. The result is (blocks, moments).
     """
     evens, odds = ([np.concatenate(column) for column in zip(*each, strict=True)] for each in (even, odd))
     reaches = evens[1].shape[1]
-    rows = ONE_THREAD // max(evens[1].size, 1)
+    rows = _ONE_THREAD // max(evens[1].size, 1)
     rows = max(1, len(result) if rows < _FEWEST_ROWS else min(rows, len(result)))
     space = np.empty((2, rows, reaches))  # once: fresh memory costs as much as the sums
     before, after = result[:, reaches - 1 :: -1], result[:, reaches:]
@@ -179,12 +175,7 @@ class PeriodicSums:
         return [np.lib.stride_tricks.sliding_window_view(each, _POINTS) for each in around]
 
     def at(self, places: Places) -> Floats:
-        """Values, (sums, moments).
-
-        Parameters
-        ----------
-        places : (moments,)
-        """
+        """Values, (sums, moments)."""
         result = np.empty((len(self.coefficients), places.size))
         cell = (places >> np.uint64(64 - self._digits)).astype(np.intp)
         inside = (places << np.uint64(self._digits)).astype(np.float64) * 2.0**-64

@@ -14,21 +14,31 @@ weights (`kernels.collocation_weights`).
 
 Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
 phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.
+
+Intervals are handled in strides: forcing for all nodes of a stride by matrix products, then the compiled kernel. A
+stride that iteration or the nodes cannot manage is taken again from its start in intervals half as long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
+from synth.kernels.collocation import NODES, POINTS
+from synth.kernels.collocation_weights import continuation, legendre_tail, weights
+from synth.kernels.picard import Forcing, Law, march
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats
-from synth.propagators.picard_forcing import Readings, Sums
-from synth.propagators.picard_march import Equations, Swing, march
+from synth.propagators.blocks import EvenTicks
+from synth.propagators.picard_error import Estimate
+from synth.propagators.picard_forcing import Grid, Readings, Sums, steady_at
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
@@ -36,6 +46,20 @@ _REACH = (6.0, 4.0)
 fastest harmonics are weak,"""
 _READ = 4.3
 """and times n, rad: the angle between nodes is then told to 2e-15."""
+_GROUP = 32  # intervals in a block of the forcing
+_BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride then stay in the processor's cache
+_MOST_HALVINGS = 10
+_PATIENCE = 8  # strides after which longer intervals are tried again
+_STOP = 1e-15  # change of r, relative to the angle, that no longer matters even where angles feel all of it
+
+
+class Swing(NamedTuple):
+    """Angles at the next readings."""
+
+    theta: Floats
+    """(pendulums, readings) rad."""
+    estimated_error: float
+    """Of the largest error up to here, relative to the largest angle of the pendulum up to here."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +117,7 @@ class PicardPlan:
 
         `RefusedError`: as `elongation`.
         """
-        return march(self._equations(), self._readings())
+        return _strides(self._equations(), self._readings())
 
     def _readings(self) -> list[Readings]:
         """The readings among intervals of each length to try."""
@@ -106,7 +130,7 @@ class PicardPlan:
             return [Readings(times, kicks.step / (times.step if isinstance(times, EvenTimes) else times.scale))]
         return [Readings.among(times, each) for each in longest]
 
-    def _equations(self) -> Equations:
+    def _equations(self) -> _Equations:
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)
         w = horizontal.angular_frequency
         u = horizontal.acceleration / self.gravity
@@ -118,7 +142,7 @@ class PicardPlan:
         speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
         sums = np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u])
         heave = vertical.acceleration[None, :] / self.gravity
-        return Equations(
+        return _Equations(
             self.frequencies, self.damping_rates, np.array([angle, speed / self.frequencies]),
             Sums(w, sums, horizontal.combs), Sums(vertical.angular_frequency, heave, vertical.combs),
             self.linear, self.kicks,
@@ -128,3 +152,174 @@ class PicardPlan:
 def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
     """The motion; a constant zero for none, so that no sum is empty."""
     return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Pendulums and forcing, as collocation wants them."""
+
+    frequencies: Floats
+    damping_rates: Floats
+    """(pendulums,) n in rad/s, gamma in 1/s."""
+    start: Floats
+    """(2, pendulums) y and y'/n at t = 0, rad."""
+    horizontal: Sums
+    """Steady answers of all pendulums, u, and that part of u which they leave out, if any."""
+    vertical: Sums
+    """zeta."""
+    linear: bool
+    kicks: Kicks | None
+    """Whose step every interval is, or a whole part of it."""
+
+    def shadowed(self) -> _Equations:
+        """Every pendulum twice."""
+        answers = self.horizontal.coefficients
+        count = len(self.frequencies)
+        horizontal = replace(self.horizontal, coefficients=np.vstack([answers[:count], answers]))
+        frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
+        return replace(self, frequencies=frequencies, damping_rates=damping_rates, horizontal=horizontal)
+
+
+class _Level:
+    """One length of intervals: forcing, weights and readings."""
+
+    def __init__(self, equations: _Equations, readings: Readings, shown: int) -> None:
+        blocks = min(_BLOCKS, -(-readings.intervals // _GROUP))
+        self.readings = readings
+        self.most = blocks * _GROUP
+        self.turn = equations.frequencies * float(readings.interval)
+        self._pendulums = len(equations.frequencies)
+        horizontal, vertical = equations.horizontal, equations.vertical
+        same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
+        if same and horizontal.combs == vertical.combs:
+            merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
+            self._grids = [Grid(merged, readings.interval, _GROUP)]
+        else:
+            self._grids = [Grid(each, readings.interval, _GROUP) for each in (vertical, horizontal)]
+        self.points = np.empty((self._pendulums, self.most, POINTS))
+        self._still = np.zeros((self.most, NODES))
+        self._kicks = equations.kicks
+        self._answers = horizontal.some(slice(self._pendulums))
+        self._frequencies = equations.frequencies
+        self.shown = horizontal.some(slice(shown))
+        each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
+        sets = [
+            weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
+        ]
+        flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))
+        inner = np.ascontiguousarray(inner[:, : NODES * NODES])
+        guess = np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner])
+        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], equations.linear)
+
+    def _impulses(self, first: int, count: int) -> Floats:
+        """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
+        jumps = np.zeros((3, self._pendulums, count))
+        jumps[0] = 1.0
+        if self._kicks is not None:
+            every = round(self._kicks.step / self.readings.interval)  # intervals to an impulse, exactly
+            begin, end = first // every, (first + count) // every
+            drawn = self._kicks.changes(begin, end - begin)
+            copies = self._pendulums // drawn.shape[1]  # a shadow gets its pendulum's
+            last = (np.arange(begin, end) + 1) * every - 1 - first
+            jumps[:, :, last] = np.tile(drawn, (1, copies, 1))
+            for p, at in np.argwhere(jumps[0] == 0.0):  # theta is set: y is what the steady answer leaves of it
+                jumps[1:, p, at] -= self._steady(int(p), float((first + at + 1) * self.readings.interval))
+        return jumps
+
+    def _steady(self, p: int, time: float) -> Floats:
+        """Steady answer of a pendulum and its slope over n, rad."""
+        rate = self._answers.angular_frequency
+        turning = self._answers.coefficients[p] * np.exp(1j * rate * time)
+        return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._frequencies[p]])
+
+    def forcing(self, first: int, count: int) -> Forcing:
+        """What acts in `count` intervals from the `first`."""
+        centres = EvenTicks(first + _GROUP // 2, _GROUP, count // _GROUP)
+        sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
+        vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
+        rest = horizontal[self._pendulums :]
+        drive = rest[1] if len(rest) > 1 else self._still[:count]
+        return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
+
+
+def _strides(equations: _Equations, readings: Sequence[Readings]) -> Iterator[Swing]:
+    """Angles of stride after stride.
+
+    The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
+
+    `RefusedError` if intervals of a thousandth of the planned length are still too long.
+    """
+    shown = len(equations.frequencies)
+    lengths = list(readings)
+    levels = [_Level(equations, lengths.pop(0), shown)] if lengths[0].intervals else []
+    state = np.zeros((shown, 4))
+    state[:, 0], state[:, 2] = equations.start
+    remainder = np.zeros((shown, NODES))
+    estimate = Estimate(shown)
+    depth, calm, patience, done = 0, 0, _PATIENCE, 0
+    while levels and done < levels[depth].readings.intervals:
+        level = levels[depth]
+        count = min(level.most, -(-(level.readings.intervals - done) // _GROUP) * _GROUP)
+        carried, known, tried = state.copy(), remainder.copy(), estimate.copy()
+        result = _stride(level, done, count, carried, known, tried)
+        if result is not None and tried.is_large and len(state) == shown:
+            # The growth of errors must be measured, from the start of this stride on.
+            estimate = estimate.shadowed(tried)
+            equations = equations.shadowed()
+            levels = [_Level(equations, each.readings, shown) for each in levels]
+            state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
+            estimate.nudge(state)
+        elif result is not None:
+            state, remainder, estimate = carried, known, tried
+            done += count
+            yield Swing(result, estimate.relative)
+            calm += 1
+            if depth and calm >= patience:
+                depth, done, calm = depth - 1, done // 2, 0
+                remainder = np.zeros_like(remainder)
+        elif done == 0 and depth == 0 and lengths:
+            levels = [_Level(equations, lengths.pop(0), shown)]
+            remainder = np.zeros_like(remainder)
+        else:
+            if depth == _MOST_HALVINGS:
+                interval = float(level.readings.interval)
+                raise RefusedError(
+                    f"motion: too violent for Picard collocation at t = {done * interval:.6g} s, even in intervals of"
+                    f" {interval:.3g} s; choose the explicit method"
+                )
+            patience = 2 * patience if calm == 0 and depth + 1 < len(levels) else patience
+            depth, done, calm = depth + 1, 2 * done, 0
+            remainder = np.zeros_like(remainder)
+            if depth == len(levels):
+                levels.append(_Level(equations, level.readings.halved(), shown))
+
+
+def _stride(
+    level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
+) -> Floats | None:
+    """March `count` intervals; state, remainder and estimate move on. Return theta, or none if it went wrong."""
+    forcing = level.forcing(first, count)
+    peak = np.array([_largest(each) for each in forcing.steady])
+    zeta, u, rest = (_largest(each) for each in (forcing.vertical, forcing.horizontal, forcing.drive))
+    turn = level.turn
+    report = estimate.report()
+    report[:, 3] = np.maximum(report[:, 3], state[:, 0] ** 2 + state[:, 2] ** 2)
+    angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
+    contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
+    points = level.points[:, :count]
+    floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
+    stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
+    done = march(state, remainder, forcing, level.law, floor, stop, points, report)
+    if done < count or not np.isfinite(state).all():
+        return None
+    estimate.add(report, peak, turn, points)
+    if not estimate.is_resolved:
+        return None
+    portion = level.readings.portion(first, count)
+    theta = steady_at(level.readings.times, level.shown, portion)
+    level.readings.read(points[: len(theta)], first, theta)
+    return theta
+
+
+def _largest(values: Floats) -> float:
+    return max(float(values.max()), -float(values.min()))

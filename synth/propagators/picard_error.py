@@ -22,12 +22,8 @@ from synth.phase import Floats
 
 LARGE = 0.3
 """Angle from which growth is measured, rad."""
-
-NUDGE = 1e-13
-"""Error that a shadow starts with, in largest angles: far above rounding, far below any arc."""
-
+_NUDGE = 1e-13  # error that a shadow starts with, in largest angles: far above rounding, far below any arc
 _FARTHEST = 1e-6  # a shadow may start at most this far, in rad: close to rest, energy asks for more
-
 _FAR = 0.1  # of the largest angle: a shadow farther away no longer tells how fast errors grow
 _EPSILON = 2.0**-53
 _LAST_PLACES = 8.0
@@ -55,7 +51,7 @@ class Estimate:
         """From here on with shadows; their nudge is a share of the largest angle that `other` saw."""
         result = self.copy()
         result._amplitude = np.tile(self._amplitude, 2)
-        result._nudge = NUDGE * np.minimum(other._peak, np.pi)
+        result._nudge = _NUDGE * np.minimum(other._peak, np.pi)
         return result
 
     def nudge(self, state: Floats) -> None:
@@ -63,7 +59,7 @@ class Estimate:
         for error, shadow in zip(self._nudge.tolist(), state[self.shown :], strict=True):
             uphill = np.array([np.sin(shadow[0]), shadow[2]])
             steepness = float(np.hypot(*uphill))
-            energy = error**2 / NUDGE
+            energy = error**2 / _NUDGE
             step = min(energy / steepness, _FARTHEST) if steepness > error else error
             direction = uphill / steepness if steepness > error else np.array([0.0, 1.0])
             shadow[[0, 2]] += step * direction
@@ -80,18 +76,10 @@ class Estimate:
         return report
 
     def add(self, report: Floats, steady: Floats, turn: Floats, points: Floats) -> None:
-        """Take up what the march noted.
+        """Take up what a stride noted, shadows included.
 
-        Parameters
-        ----------
-        report : (pendulums, 5)
-            As `march` leaves it; shadows included, as below.
-        steady : (pendulums,)
-            Largest steady angle, rad.
-        turn : (pendulums,)
-            n h
-        points : (pendulums, intervals, POINTS)
-            y
+        Its `report` (pendulums, 5); largest angles of the `steady` answers (pendulums,), rad; n h, the `turn` of an
+        interval (pendulums,); y at the `points` (pendulums, intervals, POINTS).
         """
         self._amplitude = report[:, 3]
         shown = slice(self.shown)

@@ -51,17 +51,7 @@ class Sums:
 
 
 class Grid:
-    """Evaluates sums at the nodes of intervals, in blocks of so many about centres that count in intervals.
-
-    Parameters
-    ----------
-    sums
-        What to evaluate.
-    interval
-        s; exact.
-    group : int
-        Intervals of a block, even.
-    """
+    """Evaluates sums at the nodes of intervals (s, exact), in blocks of an even `group` about centres in whole ones."""
 
     def __init__(self, sums: Sums, interval: Fraction, group: int) -> None:
         fine_step, nodes = interval / (2 * FINE), gauss_nodes()

@@ -111,12 +111,7 @@ def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: F
 def growth(split: Phasors, seconds: Floats) -> Phasors:
     """Return (exp(mu t) - 1)/mu, (beats, moments), without cancellation; at mu = 0, exact resonance, its limit t.
 
-    Parameters
-    ----------
-    split : (beats, 1)
-        mu
-    seconds : (moments,)
-        t
+    `split` (beats, 1) is mu, and `seconds` (moments,) are t.
     """
     turn = split * seconds
     grown = np.ones_like(turn)
@@ -138,15 +133,7 @@ class Times(ABC):
         (sums, blocks, moments) there."""
 
     def series(self, angular_frequency: Floats, coefficients: Phasors) -> Floats:
-        """Real parts of sums of harmonics, (sums, count), one by one.
-
-        Parameters
-        ----------
-        angular_frequency : (harmonics,)
-            rad/s
-        coefficients : (sums, harmonics)
-            Complex amplitudes.
-        """
+        """Real parts of sums of harmonics (rad/s) with complex amplitudes (sums, harmonics): (sums, count)."""
         blocks, at = self._layout(float(np.max(angular_frequency, initial=1.0)))
         return at(_evaluate([(each, None) for each in coefficients], angular_frequency, blocks))
 

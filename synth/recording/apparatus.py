@@ -9,55 +9,45 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Accelerometer, TraceErrors
-from synth.case import shifted
-from synth.march import Course, march
+from data_schemas.scene_recording import Accelerometer, TraceErrors
+from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats
 from synth.plan import Plan
+from synth.propagate import Trajectory, propagate
 from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
 
 
 class Apparatus:
-    """The apparatus of one record, portion by portion, in order of time.
+    """The apparatus of one record, given its whole clock; chunk by chunk, in order of time."""
 
-    Parameters
-    ----------
-    scene, plan
-    clock
-        Of the whole record.
-    """
-
-    def __init__(self, scene: Scene, plan: Plan, clock: Clock) -> None:
-        self._scene, self._plan = scene, plan
-        self._done = 0
+    def __init__(self, plan: Plan, clock: Clock) -> None:
+        self._scene, self._plan = plan.scene, plan
         self._late = {
             delay: _angles_before(plan, clock, delay)
-            for delay in dict.fromkeys(each.delay for each in scene.recording.errors if each.delay)
+            for delay in dict.fromkeys(each.delay for each in plan.scene.recording.errors if each.delay)
         }
-        self._noise = {name: generator(scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
+        self._noise = {name: generator(plan.scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
 
-    def elongations(self, course: Course, clock: Clock) -> Floats:
-        """Traces as they would be read without noise, (traces, readings), rad; NaN where none has begun."""
+    def elongations(self, trajectory: Trajectory, clock: Clock) -> Floats:
+        """Traces as they would be read without noise, (traces, samples), rad; NaN where none has begun."""
         scene = self._scene
-        begin, self._done = self._done, self._done + clock.count
-        errors = {trace.name: _of(scene.recording.errors, trace.name) for trace in scene.traces}
         rows = []
-        for trace in scene.traces:
-            delay = sum(each.delay for each in errors[trace.name])
-            theta = self._late[delay][:, begin : self._done] if delay else course.theta
-            weights = np.array([trace.combination.get(each.label, 0.0) for each in scene.pendulums])
+        for trace, weights in zip(scene.traces, combination(scene), strict=True):
+            errors = _of(scene.recording.errors, trace.name)
+            delay = sum(each.delay for each in errors)
+            theta = self._late[delay][:, clock.begin : clock.begin + clock.count] if delay else trajectory.theta
             row = weights @ theta
             if scene.case is not None and scene.case.reference == "case" and self._plan.pitch is not None:
                 row -= weights.sum() * _at(shifted(self._plan.pitch, -delay), clock)
-            for each in errors[trace.name]:
+            for each in errors:
                 row = misread(each, row, clock.seconds, scene.duration)
             rows.append(row)
         return np.array(rows)
 
-    def beside(self, course: Course, clock: Clock) -> dict[str, Any]:
+    def beside(self, trajectory: Trajectory, clock: Clock) -> dict[str, Any]:
         """Accelerations and tilt that the record carries, variables of its group `record`."""
         found: dict[str, Any] = {}
         for name, motion in zip(_AXES, (self._plan.motion, self._plan.vertical), strict=True):
@@ -65,7 +55,7 @@ class Apparatus:
             if isinstance(how, Accelerometer):
                 found[name] = (("time",), self._accelerometer(name, how, motion, clock))
             elif how:
-                found[name] = (("time",), getattr(course, name))
+                found[name] = (("time",), getattr(trajectory, name))
         case, pitch = self._scene.case, self._plan.pitch
         if case is not None and case.write_tilt and pitch is not None:
             noise = self._noise["case_tilt"].normal(size=clock.count)
@@ -87,6 +77,11 @@ class Apparatus:
 _AXES = ("horizontal_acceleration", "vertical_acceleration")
 
 
+def combination(scene: Scene) -> Floats:
+    """Weight of each pendulum in each trace, (traces, pendulums)."""
+    return np.array([[trace.combination.get(each.label, 0.0) for each in scene.pendulums] for trace in scene.traces])
+
+
 def stamps(scene: Scene, seconds: Floats) -> Floats:
     """Times as the record has them, (readings,), s."""
     recording = scene.recording
@@ -99,16 +94,10 @@ def stamps(scene: Scene, seconds: Floats) -> Floats:
     return stamped
 
 
-def limits(scene: Scene) -> Floats:
-    """Largest elongation that each trace shows, (traces,), rad."""
-    return np.array(
-        [
-            min(
-                (each.clip for each in _of(scene.recording.errors, trace.name) if each.clip is not None), default=np.inf
-            )
-            for trace in scene.traces
-        ]
-    )
+def limits(scene: Scene) -> list[float]:
+    """Largest elongation that each trace shows, rad."""
+    shown = [_of(scene.recording.errors, trace.name) for trace in scene.traces]
+    return [min((each.clip for each in errors if each.clip is not None), default=np.inf) for errors in shown]
 
 
 def misread(errors: TraceErrors, angle: Floats, seconds: Floats, duration: float) -> Floats:
@@ -135,5 +124,5 @@ def _angles_before(plan: Plan, clock: Clock, delay: float) -> Floats:
     begins = int(np.searchsorted(seconds, 0.0))
     earlier = Clock(UnevenTimes(seconds[begins:], clock.scale), slice(None), clock.scale)
     moved = replace(plan, times=earlier.times, planes=tuple(replace(each, times=earlier.times) for each in plan.planes))
-    found = [course.theta for _, course in march(moved, earlier)]
-    return np.hstack([np.full((len(plan.frequencies), begins), np.nan), *found])
+    angles = [trajectory.theta for _, trajectory in propagate(moved, earlier)]
+    return np.hstack([np.full((len(plan.frequencies), begins), np.nan), *angles])

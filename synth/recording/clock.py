@@ -31,6 +31,8 @@ class Clock:
     """(readings,) which of the propagator's moments are recorded: readings that are absent are left out afterwards."""
     scale: Fraction
     """True time over the chronometer's."""
+    begin: int = 0
+    """Readings before the first of these."""
 
     @property
     def count(self) -> int:
@@ -61,23 +63,17 @@ class Clock:
     def portions(self, rows: int) -> Iterator[Clock]:
         """The same moments in portions of bounded size, in order of time; a portion may record nothing.
 
-        A scene always falls into the same portions, however it is simulated: hence the same bits.
-
-        Parameters
-        ----------
-        rows
-            How many values there are to a moment: pendulums or traces, whichever are more.
+        There are `rows` values to a moment. A scene always falls into the same portions: hence the same bits.
         """
         size = min(max(1 << (_MOST // rows).bit_length() - 1, _FEWEST), _LARGEST)
         if isinstance(self.times, UnevenTimes):
             size //= _UNEVEN
         for begin in range(0, self.times.count, size):
-            end = min(begin + size, self.times.count)
-            kept = self.kept
+            end, first, kept = min(begin + size, self.times.count), begin, self.kept
             if not isinstance(kept, slice):
                 first, last = np.searchsorted(kept, [begin, end]).tolist()
                 kept = kept[first:last] - begin
-            yield Clock(self.times.stretch(begin, end), kept, self.scale)
+            yield Clock(self.times.stretch(begin, end), kept, self.scale, first)
 
 
 def true_time_scale(rate: float) -> Fraction:
@@ -111,15 +107,6 @@ def set_clock(scene: Scene) -> Clock:
     if not recording.jitter:
         return clock
     taken = generator(scene.seed, "jitter").normal(scale=recording.jitter, size=count)[kept]
-    begin = 0
-    for part in clock.portions(1):
-        taken[begin : begin + part.count] += part.seconds
-        begin += part.count
     # Readings may overtake each other: what counts is when they were taken, so they are put in order.
     # A reading before the start is taken as long after it.
-    np.abs(taken, out=taken)
-    taken.sort()
-    again = taken[1:] == taken[:-1]
-    return Clock(
-        UnevenTimes(np.delete(taken, np.flatnonzero(again)) if again.any() else taken, scale), slice(None), scale
-    )
+    return Clock(UnevenTimes(np.unique(np.abs(taken + clock.seconds)), scale), slice(None), scale)

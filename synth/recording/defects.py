@@ -1,4 +1,4 @@
-"""What becomes of perfect readings: noise, false readings, rounding, and what is lost."""
+"""What becomes of perfect samples: noise, outliers, rounding, and what is lost."""
 
 from __future__ import annotations
 
@@ -19,74 +19,47 @@ Flags = NDArray[np.uint16]
 
 @dataclass(frozen=True)
 class _Chance:
-    """What befalls one trace: its noise as it comes, and which readings are false or missing, increasing."""
+    """What befalls one trace: its noise as it comes, and which samples are outliers or missing, increasing."""
 
     noise: np.random.Generator | None
-    false: Integers
+    outliers: Integers
     errors: Floats
     missing: Integers
 
 
 class Defects:
-    """The defects of one recording, applied to its readings portion by portion, in order of time.
+    """The defects of one recording, applied to its samples chunk by chunk, in order of time.
 
-    Chance is drawn for the whole record, trace by trace, so that it does not depend on the portions.
-
-    Parameters
-    ----------
-    scene
-        Its recording says how much of each.
-    clock
-        Of the whole record.
+    Chance is drawn for the whole record, trace by trace, so that it does not depend on the chunks.
     """
 
     def __init__(self, scene: Scene, clock: Clock) -> None:
+        recording = scene.recording
         self._scene = scene
-        self._done = 0
-        self._limits = limits(scene).tolist()
         self._traces = [_chance(scene, trace.name, clock.count) for trace in scene.traces]
-        self.lose_any = self._lose_any(clock)
-        """Whether any reading is lost; what has no loss has no flags."""
+        self.lose_any = recording.missing_samples > 0 or any(each.delay > 0.0 for each in recording.errors)
+        """Whether any sample is lost; what has no loss has no flags."""
+        if not self.lose_any and (recording.mark_gap or recording.missing):
+            self.lose_any = any(bool(_lost_by_time(part.seconds, scene).any()) for part in clock.portions(1))
 
-    def _lose_any(self, clock: Clock) -> bool:
-        recording = self._scene.recording
-        if any(each.delay > 0.0 for each in recording.errors):
-            return True
-        if not (recording.mark_gap or recording.missing):
-            return recording.missing_samples > 0
-        return recording.missing_samples > 0 or any(
-            bool(_lost_by_time(part.seconds, self._scene).any()) for part in clock.portions(1)
-        )
+    def samples(self, perfect: Floats, clock: Clock) -> tuple[Floats, Flags]:
+        """The samples of a chunk, (traces, samples) rad, with noise and outliers, rounded, NaN where lost.
 
-    def readings(self, perfect: Floats, seconds: Floats) -> tuple[Floats, Flags]:
-        """The next readings, with noise and false ones, rounded, NaN where lost.
-
-        Parameters
-        ----------
-        perfect : (traces, readings)
-            rad; changed in place and returned.
-        seconds : (readings,)
-            By the chronometer.
-
-        Returns
-        -------
-        readings : (traces, readings) float64
-            rad
-        flags : (traces, readings) uint16
-            Flags of `record/elongation_qc`; zero where the reading stands.
+        The perfect ones are changed in place and returned, with the flags of `record/elongation_qc`; zero where a
+        sample stands.
         """
         recording = self._scene.recording
-        begin, self._done = self._done, self._done + seconds.size
         flags = np.empty(perfect.shape, dtype=np.uint16)
-        flags[:] = _lost_by_time(seconds, self._scene)
+        flags[:] = _lost_by_time(clock.seconds, self._scene)
         flags[np.isnan(perfect)] |= ELONGATION_FLAGS["gap"]
-        for chance, row, lost, limit in zip(self._traces, perfect, flags, self._limits, strict=True):
+        ends = [clock.begin, clock.begin + clock.count]
+        for chance, row, lost, limit in zip(self._traces, perfect, flags, limits(self._scene), strict=True):
             if chance.noise is not None:
                 row += chance.noise.normal(scale=recording.noise, size=row.size)
-            here = slice(*np.searchsorted(chance.false, [begin, self._done]).tolist())
-            row[chance.false[here] - begin] += chance.errors[here]
-            here = slice(*np.searchsorted(chance.missing, [begin, self._done]).tolist())
-            lost[chance.missing[here] - begin] |= ELONGATION_FLAGS["gap"]
+            here = slice(*np.searchsorted(chance.outliers, ends))
+            row[chance.outliers[here] - clock.begin] += chance.errors[here]
+            here = slice(*np.searchsorted(chance.missing, ends))
+            lost[chance.missing[here] - clock.begin] |= ELONGATION_FLAGS["gap"]
             np.clip(row, -limit, limit, out=row)
         if recording.quantisation:
             np.rint(perfect / recording.quantisation, out=perfect)
@@ -97,16 +70,17 @@ class Defects:
 
 def _chance(scene: Scene, trace: str, count: int) -> _Chance:
     recording = scene.recording
-    false, errors, missing = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int64)
-    if recording.outliers:
-        chance = generator(scene.seed, f"outliers {trace}")
-        where = chance.permutation(count)[: recording.outliers]
-        signs = chance.choice([-1.0, 1.0], size=where.size)
-        order = np.argsort(where)
-        false, errors = where[order], recording.outlier_amplitude * signs[order]
-    if recording.missing_samples:
-        missing = np.sort(generator(scene.seed, f"missing {trace}").permutation(count)[: recording.missing_samples])
-    return _Chance(generator(scene.seed, f"noise {trace}") if recording.noise else None, false, errors, missing)
+    noise, signs = (generator(scene.seed, f"{name} {trace}") for name in ("noise", "outliers"))
+    where = _some(signs, recording.outliers, count)
+    errors = recording.outlier_amplitude * signs.choice([-1.0, 1.0], size=where.size)
+    order = np.argsort(where)
+    missing = np.sort(_some(generator(scene.seed, f"missing {trace}"), recording.missing_samples, count))
+    return _Chance(noise if recording.noise else None, where[order], errors[order], missing)
+
+
+def _some(chance: np.random.Generator, number: int, count: int) -> Integers:
+    """A number of samples of all."""
+    return chance.permutation(count)[:number] if number else np.empty(0, dtype=np.int64)
 
 
 def _lost_by_time(seconds: Floats, scene: Scene) -> Flags:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -12,96 +13,63 @@ from numpy.typing import NDArray
 from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import Kind, root_attributes
 from data_schemas.scene import Scene
-from data_schemas.scene_apparatus import Accelerometer
+from data_schemas.scene_recording import Accelerometer
 from data_schemas.variables import attributes
-from synth.conditions import stated
-from synth.march import Course
-from synth.recording.apparatus import Apparatus, stamps
+from synth.phase import Floats
+from synth.propagate import Trajectory
+from synth.recording.apparatus import Apparatus, combination, stamps
 from synth.recording.clock import Clock
 from synth.recording.defects import Defects
+from synth.seeds import generator
+
+Variables = dict[str, tuple[tuple[str, ...], Any]]
+"""Dimensions and values by name."""
+
+_SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitude", "longitude", "height")
 
 
-def observe(scene: Scene, clock: Clock, course: Course, apparatus: Apparatus, defects: Defects) -> Contents:
-    """Record a motion, or a portion of it.
+def observe(scene: Scene, clock: Clock, trajectory: Trajectory, apparatus: Apparatus, defects: Defects) -> Contents:
+    """Record a trajectory at the moments of a clock, as `data_schemas` lays a record out.
 
-    Parameters
-    ----------
-    scene
-        Its recording says how.
-    clock
-        Moments of the readings.
-    course
-        Angles and accelerations at those moments.
-    apparatus, defects
-        Of the whole recording; portions must come in order of time.
-
-    Returns
-    -------
-    Contents
-        A record as `data_schemas` lays it out.
+    Apparatus and defects are those of the whole recording; its chunks must come in order of time.
     """
-    combination = np.array(
-        [[trace.combination.get(each.label, 0.0) for each in scene.pendulums] for trace in scene.traces]
-    )
-    readings, flags = defects.readings(apparatus.elongations(course, clock), clock.seconds)
+    samples, flags = defects.samples(apparatus.elongations(trajectory, clock), clock)
     record: dict[str, Any] = {
-        "combination": (("trace", "pendulum"), combination),
-        "elongation": (("trace", "time"), readings),
+        "combination": (("trace", "pendulum"), combination(scene)),
+        "elongation": (("trace", "time"), samples),
     }
     states_noise = scene.recording.record_uncertainty
     if states_noise if states_noise is not None else scene.recording.noise > 0:
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
     if defects.lose_any:
         record["elongation_qc"] = (("trace", "time"), flags)
-    record |= apparatus.beside(course, clock)
+    record |= apparatus.beside(trajectory, clock)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
     traces = {"trace": label_array(each.name for each in scene.traces)}
-    restoring = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
-    return {
-        "": root(scene, clock, "record", {}),
-        "record": described("record", record, traces | labels, reference(scene)),
-        "instrument": described(
-            "instrument", _instrument(scene) | stated(scene, clock.true_seconds), labels, restoring | _frame(scene)
-        ),
-    }
-
-
-def _instrument(scene: Scene) -> dict[str, Any]:
+    measured_from = {} if scene.case is None else {"reference": scene.case.reference}
     instrument: dict[str, Any] = {
         "period": (("pendulum",), np.array([each.period for each in scene.pendulums])),
         "reference_gravity": ((), scene.reference_gravity),
     }
     if scene.recording.write_damping:
-        instrument["damping_rate"] = (
-            ("pendulum",),
-            np.array([each.damping_rate for each in scene.pendulums]),
-        )
-    return instrument
-
-
-def reference(scene: Scene) -> dict[str, str]:
-    """What elongations are measured from, where a case tilts."""
-    return {} if scene.case is None else {"reference": scene.case.reference}
-
-
-def _frame(scene: Scene) -> dict[str, str]:
-    how = scene.recording.horizontal_acceleration
-    return {"acceleration_frame": how.frame} if isinstance(how, Accelerometer) else {}
+        instrument["damping_rate"] = (("pendulum",), np.array([each.damping_rate for each in scene.pendulums]))
+    how: dict[str, str] = {"restoring": scene.restoring} if scene.recording.write_restoring else {}
+    accelerometer = scene.recording.horizontal_acceleration
+    if isinstance(accelerometer, Accelerometer):
+        how["acceleration_frame"] = accelerometer.frame
+    return {
+        "": root(scene, clock, "record", {}),
+        "record": described("record", record, traces | labels, measured_from),
+        "instrument": described("instrument", instrument | stated(scene, clock.true_seconds), labels, how),
+    }
 
 
 def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group:
     """Time and the attributes of the whole, for a record or a truth; `attrs` are further ones."""
     time = attributes("time") | {"units": f"seconds since {scene.start_time}"}
-    return Group(
-        {
-            **root_attributes(kind, scene.record_id),
-            "title": scene.title,
-            "history": history(scene),
-            "source": "model",
-            **attrs,
-        },
-        {"time": Entry(("time",), stamps(scene, clock.seconds) if kind == "record" else clock.seconds, time)},
-    )
+    seconds = stamps(scene, clock.seconds) if kind == "record" else clock.seconds
+    said = {"title": scene.title, "history": history(scene), "source": "model"}
+    return Group(root_attributes(kind, scene.record_id) | said | attrs, {"time": Entry(("time",), seconds, time)})
 
 
 def history(scene: Scene) -> str:
@@ -123,3 +91,61 @@ def described(
 def label_array(names: Iterable[str]) -> NDArray[np.str_]:
     """Labels as text."""
     return np.array(list(names), dtype=np.str_)
+
+
+def stated(scene: Scene, true_seconds: Floats) -> Variables:
+    """Variables of /instrument that state the conditions, each off by a draw of its stated uncertainty."""
+    given = scene.conditions
+    variables: Variables = {}
+
+    def error(name: str, sigma: float) -> float:
+        return sigma * float(generator(scene.seed, f"stated {name}").normal()) if sigma else 0.0
+
+    def per_pendulum(name: str) -> None:
+        variables[name] = (("pendulum",), np.array([getattr(each, name) for each in scene.pendulums]))
+
+    values = {name: (getattr(given, name), getattr(given, f"{name}_uncertainty", 0.0)) for name in _SCALARS}
+    if scene.recording.chronometer_rate or given.chronometer_rate_uncertainty:
+        values["chronometer_rate"] = (scene.recording.chronometer_rate, given.chronometer_rate_uncertainty)
+    for name, (value, sigma) in values.items():
+        if value is not None:
+            variables[name] = ((), value + error(name, sigma))
+            if sigma:
+                variables[f"{name}_uncertainty"] = ((), sigma)
+    if given.temperature is not None:
+        variables["temperature_reference"] = ((), given.temperature_reference)
+        per_pendulum("temperature_coefficient")
+        if given.temperature_amplitude:
+            turned = 2.0 * math.pi / given.temperature_period * true_seconds + given.temperature_phase
+            course = variables["temperature"][1] + given.temperature_amplitude * np.sin(turned)
+            variables["temperature"] = (("time",), course)
+    if given.air_density is not None:
+        variables["air_density_reference"] = ((), given.air_density_reference)
+        per_pendulum("density_coefficient")
+    if given.tilt is not None:  # read as an angle and stated as its square
+        sigma = given.tilt_uncertainty
+        read = given.tilt + error("tilt_mean_square", sigma)
+        variables["tilt_mean_square"] = ((), read**2)
+        if sigma:
+            of_square = math.hypot(2.0 * read * sigma, math.sqrt(2.0) * sigma**2)
+            variables["tilt_mean_square_uncertainty"] = ((), of_square)
+    return variables | _bases(scene)
+
+
+def _bases(scene: Scene) -> Variables:
+    given = scene.conditions
+    if not given.bases:
+        return {}
+    own, drift = np.array([(each.period, each.drift) for each in scene.pendulums]).T
+    shares = [(base.time, math.sqrt(scene.reference_gravity / base.gravity)) for base in given.bases]
+    periods = np.array([(own + drift * time / 86400.0) * share for time, share in shares])
+    variables: Variables = {
+        "base": (("base",), np.array([base.label for base in given.bases], dtype=np.str_)),
+        "base_time": (("base",), np.array([base.time for base in given.bases])),
+        "base_gravity": (("base",), np.array([base.gravity for base in given.bases])),
+    }
+    sigma = given.base_period_uncertainty
+    if sigma:
+        periods += generator(scene.seed, "base periods").normal(scale=sigma, size=periods.shape)
+        variables["base_period_uncertainty"] = (("base", "pendulum"), np.full(periods.shape, sigma))
+    return variables | {"base_period": (("base", "pendulum"), periods)}

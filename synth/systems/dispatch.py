@@ -26,7 +26,7 @@ _TABLE: dict[str, dict[type, Callable[..., Any]]] = {}
 def taken_in(function: Function) -> Function:
     """Decorator: plain Python that kernels take in; a branch on `argument is None` is decided when they are compiled.
 
-    What is returned must be of one type all the same: see `or_none` for the choice between None and something.
+    It must return one type all the same: see `or_none`.
     """
     register_jitable(function)
     return function
@@ -47,10 +47,9 @@ def or_none(function: Function) -> Function:
 
 
 def plain(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The kernel's Python code, for the compiler to take in as its own.
+    """The kernel's Python code without annotations, for the compiler to take in as its own.
 
-    Called as a kernel, each call would count references to every array of the parameters: 60 ns where the
-    arithmetic takes 6. It comes without annotations, which Numba would compare.
+    Called as a kernel, it would count references to every array of the parameters: 60 ns where the arithmetic takes 6.
     """
     code = getattr(function, "py_func", function)
     return FunctionType(code.__code__, code.__globals__, code.__name__, code.__defaults__, code.__closure__)
@@ -114,10 +113,7 @@ _STEP = 2.0**-24
 
 @taken_in
 def jacobian(time: float, state: Any, system: Any, out: Any, here: Any, there: Any) -> None:
-    """`out[i, j] = d(d state_i / dt) / d state_j`, by differences: what Newton's method and eigenvalues need.
-
-    `here` and `there` are work space (n,); the first receives the derivative.
-    """
+    """`out[i, j] = d(d state_i / dt) / d state_j`, by differences; `here` receives the derivative, `there` is work space."""
     derivative(time, state, system, here)
     for j in range(state.size):
         kept = state[j]

@@ -23,27 +23,18 @@ from synth.systems.terms import driven, motion
 class Sine(NamedTuple):
     """The pendulum itself."""
 
-    power: float = 1.0  # Unused: a tuple without fields does not compile
+    power: float = 1.0  # unused: a tuple without fields does not compile
 
 
 class Linear(NamedTuple):
     """Its limit of small angles."""
 
-    power: float = 1.0  # Unused: a tuple without fields does not compile
+    power: float = 1.0  # unused, as above
 
 
 @by_type("restoring")
 def pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
-    """Angular acceleration towards the vertical, over n^2.
-
-    Parameters
-    ----------
-    angle : float
-        rad.
-    horizontal, vertical : float or None
-        Acceleration of the support over gravity.
-    restoring : Sine or Linear
-    """
+    """Angular acceleration towards the vertical, over n^2; accelerations of the support are over gravity, or None."""
 
 
 @registered("pull", Sine)

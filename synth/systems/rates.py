@@ -23,29 +23,16 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
 
     The motion of the ship is left out: it moves eigenvalues by its share of gravity and makes nothing stiff.
 
-    Parameters
-    ----------
-    system : NamedTuple
-        Registered with a derivative.
-    start : (n,) array
-        State at the start.
-
     Examples
     --------
     >>> from synth.systems.resistance import VanDerPol
     >>> round(fastest_rate(VanDerPol(1000.0), [2.0, 0.0]))
     3000
     """
-    still = {name: None for name in ("horizontal", "vertical") if hasattr(system, name)}
-    calm = system._replace(**still) if still else system
-    matrices = [_matrix(calm, state) for state in _likely(calm, np.asarray(start, dtype=np.float64))]
+    calm = system._replace(**{name: None for name in ("horizontal", "vertical") if hasattr(system, name)})
+    matrices = [plain_jacobian(0.0, state, calm) for state in _likely(calm, np.asarray(start, dtype=np.float64))]
     finite = [matrix for matrix in matrices if np.isfinite(matrix).all()]
     return max((float(np.abs(np.linalg.eigvals(matrix)).max()) for matrix in finite), default=math.nan)
-
-
-def _matrix(system: Any, state: Floats) -> Floats:
-    matrix: Floats = plain_jacobian(0.0, state, system)
-    return matrix
 
 
 def _likely(system: Any, start: Floats) -> list[Floats]:
@@ -53,15 +40,13 @@ def _likely(system: Any, start: Floats) -> list[Floats]:
     first = getattr(system, "first_angle", None)
     if first is None:
         return states
-    rest = _matrix(system, states[0])
+    rest = plain_jacobian(0.0, states[0], system)
     angles, rates = slice(first, None, 2), slice(first + 1, None, 2)
     places = np.arange(first, start.size, 2)
     own = np.sqrt(np.abs(rest[places + 1, places]))  # frequencies, nearly
     reach = np.hypot(start[angles], np.divide(start[rates], own, out=np.zeros_like(own), where=own > 0.0))
-    escapements = np.zeros_like(reach)
-    for each in apart(getattr(system, "terms", None)):
-        if isinstance(each, VanDerPolDrive):
-            escapements = np.maximum(escapements, 2.0 * each.angle)
+    drives = [each for each in apart(getattr(system, "terms", None)) if isinstance(each, VanDerPolDrive)]
+    escapements = np.max([2.0 * each.angle for each in drives], axis=0, initial=0.0) * np.ones_like(reach)
     for amplitude in (reach, np.minimum(reach, 0.5 * math.pi), escapements):
         for angle, rate in ((amplitude, 0.0), (0.0, own * amplitude), (0.7 * amplitude, 0.7 * own * amplitude)):
             state = start.copy()

@@ -89,31 +89,14 @@ class Reduction(NamedTuple):
     angle_scale: Floats  # (pendulums,) phi_i = angle_scale_i x y_i, rad: S0/l_i
 
     @property
-    def _units(self) -> Floats:
-        """(n,) physical state over dimensionless state."""
+    def units(self) -> Floats:
+        """(n,) state (x, x', phi_1, phi_1', ...) in m, rad and seconds over that in (u, u', y_1, y_1', ...)."""
         scales = np.concatenate([[self.displacement_scale], self.angle_scale])
         return np.stack([scales, scales * self.time_scale], axis=-1).ravel()
 
-    def dimensionless(self, states: Floats) -> Floats:
-        """(..., n) states (u, u', y_1, y_1', ...) of states (x, x', phi_1, phi_1', ...) in m, rad and seconds."""
-        result: Floats = states / self._units
-        return result
-
-    def physical(self, states: Floats) -> Floats:
-        """(..., n) states in m, rad and seconds; inverse of `dimensionless`."""
-        result: Floats = states * self._units
-        return result
-
 
 def reduced(beam: ElasticBeam) -> Reduction:
-    """Reduce a beam with clocks.
-
-    `RefusedError` if system (2) cannot hold the beam.
-
-    Parameters
-    ----------
-    beam : ElasticBeam
-        Its only term is a `VanDerPolDrive`; no ship motion.
+    """Reduce a beam with clocks, whose only term is a `VanDerPolDrive`; `RefusedError` if system (2) cannot hold it.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """What resists or drives the swing of one pendulum: angular acceleration as a function of angle and rate.
 
-Each term holds one value a pendulum. A kernel takes the acceleration so far, in rad/s^2, and returns it with its share
-added.
+Each term holds arrays of one value a pendulum. A kernel takes the acceleration so far, in rad/s^2, and returns it with
+its share added. A new law is a field of the schema, declared a resistance, and its class and kernel here.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import numpy as np
 
 from data_schemas.errors import SceneError
 from data_schemas.scene_fields import Section
-from data_schemas.scene_pendulum import RESISTANCES, Pendulum
+from data_schemas.scene_pendulum import RESISTANCES, ImpulseEscapement, Pendulum
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import registered
+from synth.systems.terms import together
 
 LAWS: dict[str, type] = {}
 """Kinds of terms by the field of a scene's pendulum that brings them."""
@@ -33,22 +34,27 @@ def law(field: str) -> Callable[[type], type]:
     return declared
 
 
-def resistances(pendulums: Sequence[Pendulum]) -> list[Any]:
-    """What resists, only what some pendulum has; one without it has a strength of zero.
+def terms_of(pendulums: Sequence[Pendulum]) -> Any:
+    """What resists or drives, only what some pendulum has; one without it has a strength of zero.
 
     `SceneError`: a field of a pendulum resists by its declaration, and no law is declared for it.
     """
-    found = []
-    for field, name in RESISTANCES.items():
+    terms = []
+    for field, name in (RESISTANCES | {"escapement": "a van der Pol escapement"}).items():
         values = [getattr(each, field) for each in pendulums]
+        values = [None if isinstance(each, ImpulseEscapement) else each for each in values]  # kicks, no force
         if not any(values):
             continue
         if field not in LAWS:
             raise SceneError(f"pendulums.{field}: no propagator knows {name}")
-        rows = [[*each.model_dump().values()] if isinstance(each, Section) else [each or 0.0] for each in values]
-        most = max(map(len, rows))
-        found.append(LAWS[field](*np.array([(*row, *[1.0] * (most - len(row))) for row in rows]).T.copy()))
-    return found
+        count = len(LAWS[field].__annotations__)
+        rows = [
+            list(each.model_dump(exclude={"kind"}).values()) if isinstance(each, Section) else [each or 0.0]
+            for each in values
+        ]
+        columns = np.array([[*row, *[1.0] * (count - len(row))] for row in rows]).T
+        terms.append(LAWS[field](*map(np.ascontiguousarray, columns)))
+    return together(*terms)
 
 
 @law("damping_rate")
@@ -95,6 +101,7 @@ def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term
     return acceleration - term.friction[index] * math.tanh(rate / term.scale[index])
 
 
+@law("escapement")
 class VanDerPolDrive(NamedTuple):
     """Escapement of Kanunnikov and Lamper, `Q_i/(m l_i) = eps (1 - S_i^2/S0^2) S_i'`, S_i = l_i phi_i."""
 

@@ -40,12 +40,9 @@ def together(*terms: Any) -> Any:
     >>> together(1.0, None, 2.0)
     Both(first=1.0, second=2.0)
     """
-    present = [each for each in terms if each is not None]
-    if not present:
-        return None
-    folded = present[-1]
-    for each in reversed(present[:-1]):
-        folded = Both(each, folded)
+    folded = None
+    for each in reversed(terms):
+        folded = each if folded is None else folded if each is None else Both(each, folded)
     return folded
 
 
@@ -83,28 +80,14 @@ def _both(acceleration: float, index: int, angle: float, rate: float, term: Both
 
 @taken_in
 def weight(sine: float, cosine: float, gravity: float, horizontal: float | None, vertical: float | None) -> float:
-    """Pull along the swing per mass, `(g + z'') sine + x'' cosine`, m/s^2.
-
-    Its derivative by the angle is the same of `cosine` and `-sine`.
-
-    Examples
-    --------
-    >>> weight(0.5, 0.75, 10.0, None, None), weight(0.5, 0.75, 10.0, 4.0, -2.0)
-    (5.0, 7.0)
-    """
+    """Pull along the swing per mass, `(g + z'') sine + x'' cosine`, m/s^2."""
     pull = (gravity if vertical is None else gravity + vertical) * sine
     return pull if horizontal is None else pull + horizontal * cosine
 
 
 @taken_in
 def carried(force: float, mass: float, acceleration: float | None) -> float:
-    """Force with `mass x acceleration` added.
-
-    Examples
-    --------
-    >>> carried(1.0, 2.0, None), carried(1.0, 2.0, 3.0)
-    (1.0, 7.0)
-    """
+    """Force with `mass x acceleration` added."""
     return force if acceleration is None else force + mass * acceleration
 
 

@@ -32,8 +32,7 @@ from synth.systems.terms import carried, driven, motion, weight
 
 
 class ElasticBeam(NamedTuple):
-    """Parameters; state (x, x', phi_1, phi_1', phi_2, phi_2', ...). Mirror: phi_i -> -phi_i, of each alone if the ship
-    does not move sideways."""
+    """Parameters; state (x, x', phi_1, phi_1', ...). Mirror: phi_i -> -phi_i, of each alone but for x_h''."""
 
     beam_mass: float  # M, effective, kg
     mass: Floats  # (pendulums,) m_i, kg

@@ -14,7 +14,7 @@ from batch_parts import POISON, alike, config_of, numbers_of, write_record
 
 import data_schemas
 from data_schemas.errors import FileError
-from data_schemas.guard_types import Budget
+from data_schemas.guard import Budget
 from pipeline import memory
 from pipeline.batch import record
 from pipeline.batch.config import Kind

@@ -10,12 +10,11 @@ import h5py
 import numpy as np
 import pytest
 
-from data_schemas import heaps, toml_file
+from data_schemas import heaps, text_files
 from data_schemas.errors import FileError
-from data_schemas.guard import ordinary
-from data_schemas.guard_types import Budget
-from data_schemas.ordinary import MOST_BYTES, MOST_LINE, MOST_TEXT, text_of
+from data_schemas.guard import Budget, ordinary
 from data_schemas.reading import load
+from data_schemas.text_files import MOST_BYTES, MOST_LINE, MOST_TEXT, text_of
 
 
 def groups(file: h5py.File) -> None:
@@ -155,5 +154,5 @@ def test_limits_are_as_announced() -> None:
     }
     of_text = [heaps.MOST_BYTES, heaps.MOST_OBJECTS, heaps.MOST_POINTERS]
     assert of_text == [64 * mebibyte, mebibyte // 2, mebibyte]
-    of_files = [MOST_BYTES, MOST_TEXT, MOST_LINE, toml_file.MOST_BYTES, toml_file.MOST_PARTS]
+    of_files = [MOST_BYTES, MOST_TEXT, MOST_LINE, text_files.MOST_TOML, text_files.MOST_PARTS]
     assert of_files == [32 * 1024 * mebibyte, 256 * mebibyte, mebibyte // 16, 16 * mebibyte, 100]

@@ -13,7 +13,7 @@ from data_schemas import validate
 from data_schemas.errors import FileError, RecordError
 from data_schemas.film_description import FilmDescription, load_description
 from data_schemas.scene_film import Film
-from data_schemas.toml_text import toml_text
+from data_schemas.text_files import toml_text
 
 KNOWN = {
     "record_id": "night",

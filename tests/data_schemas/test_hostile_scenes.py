@@ -9,12 +9,12 @@ import pytest
 from data_schemas import validate
 from data_schemas.errors import SceneError
 from data_schemas.scene import load_scene
-from data_schemas.toml_file import MOST_BYTES
+from data_schemas.text_files import MOST_TOML
 
 
 def large(path):
     with path.open("wb") as file:
-        file.truncate(MOST_BYTES + 1)
+        file.truncate(MOST_TOML + 1)
 
 
 @pytest.mark.parametrize(

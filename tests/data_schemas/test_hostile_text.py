@@ -10,7 +10,7 @@ import pytest
 
 from data_schemas import heaps, read, write
 from data_schemas.errors import FileError
-from data_schemas.guard_types import Budget
+from data_schemas.guard import Budget
 from data_schemas.reading import load
 
 

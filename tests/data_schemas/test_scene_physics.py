@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from data_schemas.scene import Scene
-from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import one_line
 
 FREE = {"kind": "free", "amplitude": 0.01}
 STATE = {"kind": "state", "angle": 0.1}

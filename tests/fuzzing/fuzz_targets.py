@@ -24,14 +24,13 @@ from data_schemas.checksum import ATTRIBUTE
 from data_schemas.errors import IsochronyError
 from data_schemas.film_description import load_description
 from data_schemas.layouts import CONVENTIONS, LAYOUTS
+from data_schemas.reading import skim
 from data_schemas.scene_motion import Table
-from data_schemas.slabs import skim
 from pipeline.cli import import_csv as verb
 from pipeline.film.scan.opening import open_scan
-from pipeline.importing.pendulums import ImportOptions
-from pipeline.importing.record import import_csv
-from synth.film.named import films, load_film
-from synth.motion.table_file import read_table
+from pipeline.importing.record import ImportOptions, import_csv
+from synth import films, load_film
+from synth.motion.tabulated import read_table
 
 SECONDS, BYTES = 10.0, 1 << 30
 """What a reader may take for one input."""

@@ -30,9 +30,7 @@ PARTS = {
         ),
     ),
     "guard": Part(
-        tuple(
-            f"data_schemas/{name}.py" for name in ["guard", "guard_types", "heaps", "ordinary", "toml_file", "reading"]
-        ),
+        tuple(f"data_schemas/{name}.py" for name in ["guard", "heaps", "text_files", "reading"]),
         tuple(
             f"tests/data_schemas/test_{name}.py"
             for name in [

@@ -7,8 +7,7 @@ import pytest
 
 from data_schemas import check
 from data_schemas.errors import RecordError, UsageError
-from pipeline.importing.pendulums import ImportOptions
-from pipeline.importing.record import import_csv
+from pipeline.importing.record import ImportOptions, import_csv
 
 PERIODS = {"1": 1.0099, "2": 1.01}
 

@@ -11,7 +11,7 @@ from data_schemas import load_scene
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_pendulum import RESISTANCES, Pendulum
-from synth.choice import NAMES, chosen_at_sight, needs
+from synth.choice import NAMES, choose, needs
 from synth.explanation import explain
 from synth.plan import plan
 from synth.recording.clock import set_clock
@@ -117,7 +117,7 @@ def test_a_term_that_no_propagator_claims_is_an_error() -> None:
 
 
 def test_every_resistance_has_its_law(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert set(LAWS) == set(RESISTANCES)
+    assert set(LAWS) == {*RESISTANCES, "escapement"}
     monkeypatch.delitem(LAWS, "quadratic_damping")
     with pytest.raises(SceneError, match="no propagator knows quadratic damping"):
         synth.simulate(scene({"quadratic_damping": 0.1}))
@@ -128,8 +128,8 @@ def test_a_name_is_taken_at_its_word(name: str) -> None:
     """Each propagator is the choice of a scene that names it and that it knows; nobody stands in for it."""
     on_beam = name == "beam-collocation"
     changes = {"support": BEAM} if on_beam else {"restoring": "linear"} if name == "closed-form" else {}
-    choice = chosen_at_sight(name, needs(scene({"mass": 1.0}, **changes)))  # type: ignore[arg-type]  # one of NAMES
-    assert choice is not None
+    asked = needs(scene({"mass": 1.0}, **changes))
+    choice = choose(name, asked, lambda: pytest.fail("rates decide nothing"))  # type: ignore[arg-type]  # of NAMES
     assert (choice.propagator, choice.instead) == (name, ())
 
 

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import data_schemas
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import felt_gravity, frequency
+from data_schemas.scene_conditions import felt_gravity, frequency
 from synth import simulate
-from synth.conditions import stiffening
+from synth.lift import stiffening
 
 Maker = Callable[..., Scene]
 X, Z, RATE = 0.1, 0.08, 0.7  # m/s2, m/s2, rad/s

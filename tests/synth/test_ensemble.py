@@ -15,7 +15,7 @@ from data_schemas import content_sha256, read
 from data_schemas.errors import FileError, SceneError, UsageError
 from data_schemas.scene import Scene
 from synth import simulate, simulate_ensemble, write_ensemble
-from synth.ensemble_scenes import member, members, value
+from synth.ensemble import member, member_scenes, value
 
 Maker = Callable[..., Scene]
 NOISY = {"noise": 2e-5, "outliers": 3, "outlier_amplitude": 0.1}
@@ -58,20 +58,21 @@ def test_members_have_noise_of_their_own(scene: Scene, make_scene: Maker) -> Non
 
 
 def test_another_seed_is_another_ensemble(scene: Scene) -> None:
-    seeds = {one.seed for seed in (None, 1, 2) for one in members(scene, 5, seed=seed)}
+    seeds = {one.seed for seed in (None, 1, 2) for one in member_scenes(scene, 5, seed=seed)}
     assert len(seeds) == 15
-    assert [one.seed for one in members(scene, 5)] == [one.seed for one in members(scene, 5, seed=scene.seed)]
+    same = member_scenes(scene, 5, seed=scene.seed)
+    assert [one.seed for one in member_scenes(scene, 5)] == [one.seed for one in same]
 
 
 def test_a_further_key_changes_no_other(scene: Scene) -> None:
     fewer = {key: VARY[key] for key in list(VARY)[1:]}
-    for one, other in zip(members(scene, 5, vary=VARY), members(scene, 5, vary=fewer), strict=True):
+    for one, other in zip(member_scenes(scene, 5, vary=VARY), member_scenes(scene, 5, vary=fewer), strict=True):
         assert [value(one, key) for key in fewer] == [value(other, key) for key in fewer]
         assert one.seed == other.seed
 
 
 def test_draws_are_even_over_the_range(scene: Scene) -> None:
-    drawn = {key: [value(one, key) for one in members(scene, 300, vary=VARY)] for key in VARY}
+    drawn = {key: [value(one, key) for one in member_scenes(scene, 300, vary=VARY)] for key in VARY}
     for key, (low, high) in VARY.items():
         values = np.array(drawn[key], dtype=float)
         assert low <= values.min() < low + (high - low) / 8
@@ -87,14 +88,14 @@ def test_a_callable_draws_as_it_likes(scene: Scene) -> None:
         "pendulums.0.start": lambda chance: {"kind": "state", "angle": float(chance.choice([0.1, 0.2]))},
         "recording.noise": lambda _: 0.0,
     }
-    made = list(members(scene, 20, vary=vary))
+    made = list(member_scenes(scene, 20, vary=vary))
     assert {one.pendulums[0].start.angle for one in made} == {0.1, 0.2}
     assert {one.recording.noise for one in made} == {0.0}
     assert len({one.gravity for one in made}) == 20
 
 
 def test_rates_stay_ratios(scene: Scene) -> None:
-    (one,) = members(scene, 1, vary={"recording.sampling_rate": (20.0, 25.0)})
+    (one,) = member_scenes(scene, 1, vary={"recording.sampling_rate": (20.0, 25.0)})
     assert isinstance(one.recording.sampling_rate, Fraction)
     assert 20 <= one.recording.sampling_rate <= 25
 
@@ -123,7 +124,7 @@ def test_what_cannot_be_meant_is_told_at_once(scene: Scene, key: str, how: tuple
 def test_values_that_are_not_allowed_name_the_member(scene: Scene, tmp_path: Path) -> None:
     vary = {"gravity": (99.0, 101.0)}
     with pytest.raises(SceneError, match=r"member \d+: gravity = 100\.[0-9]+: should be less than or equal to 100"):
-        list(members(scene, 20, vary=vary))
+        list(member_scenes(scene, 20, vary=vary))
     with pytest.raises(SceneError, match="gravity"):
         write_ensemble(scene, 20, tmp_path, vary=vary)
     assert list(tmp_path.iterdir()) == []

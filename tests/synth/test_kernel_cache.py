@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from synth.kernels import cache, compiled, sources, stored
+from synth.kernels import cache, compiled, stored
 from synth.systems.resistance import Viscous
 
 
@@ -195,7 +195,7 @@ def tiny(tmp_path: Path) -> Path:
     (tmp_path / "synth").mkdir()
     kernels = Path(cache.__file__).parent
     (tmp_path / "synth/kernels").mkdir()
-    for name in ("__init__", "cache", "compiled", "parts", "sources", "stored"):
+    for name in ("__init__", "cache", "compiled", "stored"):
         (tmp_path / f"synth/kernels/{name}.py").write_text((kernels / f"{name}.py").read_text())
     for name, text in MODULES.items():
         (tmp_path / "synth" / name).write_text(text)
@@ -246,13 +246,11 @@ def test_of_processes_that_begin_together_one_compiles(tiny: Path) -> None:
 
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:
-    found = sources.closure([sources.ROOT / "synth/systems/dispatch.py"])
-    assert {sources.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "metronomes")} <= set(
-        found
-    )
+    found = cache.closure([cache.ROOT / "synth/systems/dispatch.py"])
+    assert {cache.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "metronomes")} <= set(found)
 
 
 def test_kernels_of_the_joint_fit_are_made_from_few_files() -> None:
-    found = sources.closure([sources.ROOT / "pipeline/joint/filtering.py"])
-    assert sources.ROOT / "pipeline/joint/remainder.py" in found
+    found = cache.closure([cache.ROOT / "pipeline/joint/filtering.py"])
+    assert cache.ROOT / "pipeline/joint/remainder.py" in found
     assert len(found) < 20

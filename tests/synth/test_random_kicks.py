@@ -57,7 +57,7 @@ def by_pieces(of: Scene, start: np.ndarray, time: np.ndarray) -> np.ndarray:
     kicks = drawn(of)
     step, count = float(kicks.step), int(time[-1] / kicks.step) + 1
     slope = synth_mechanics._fixed(of)
-    rates = kicks.some(0, count) * np.array([2 * np.pi / each.period for each in of.pendulums])[:, None]
+    rates = kicks.changes(0, count)[2] * np.array([2 * np.pi / each.period for each in of.pendulums])[:, None]
     states, state = np.empty((time.size, start.size)), start.copy()
     for j in range(count):
         here = np.flatnonzero((time >= j * step) & (time < (j + 1) * step))
@@ -125,7 +125,7 @@ def test_linear_answer_is_the_sum_of_all_impulses() -> None:
     after = time[:, None] - float(kicks.step) * np.arange(1, 401)
     omega = np.sqrt(N**2 - 0.01**2)
     answer = np.where(after > 0, np.exp(-0.01 * after) * np.sin(omega * after) / omega, 0.0)
-    np.testing.assert_allclose(theta(truth)[0], answer @ kicks.some(0, 400)[0] * N, rtol=0, atol=1e-12 * K)
+    np.testing.assert_allclose(theta(truth)[0], answer @ kicks.changes(0, 400)[2, 0] * N, rtol=0, atol=1e-12 * K)
     assert not theta(truth)[1].any()
     np.testing.assert_array_equal(truth["truth/kick_intensity"].values, [K, 0.0])
 

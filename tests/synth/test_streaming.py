@@ -19,7 +19,6 @@ from data_schemas import content_sha256, load_scene, read
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from synth import scene_path, simulate, simulate_to
-from synth.march import recut
 from synth.recording import clock
 from synth.recording.clock import set_clock
 from synth.streaming import stream
@@ -107,17 +106,6 @@ def test_collocation_does_not_depend_on_portions(make_scene: Maker, portions_of:
     assert whole.attrs == cut.attrs
 
 
-def test_pieces_are_cut_anew() -> None:
-    row = np.arange(2.0 * 60).reshape(2, 60)
-    edges = np.sort(np.random.default_rng(4).integers(0, 60, size=12))
-    for sizes in ([60], [1] * 60, [7, 0, 13, 40], [59, 1]):
-        cut = list(recut(np.split(row, edges, axis=1), sizes))
-        assert [part.shape[1] for part in cut] == sizes
-        np.testing.assert_array_equal(np.concatenate(cut, axis=1), row)
-    with pytest.raises(ValueError, match="ends 1 moments before the record"):
-        list(recut([row], [61]))
-
-
 def test_phases_unwrap_as_numpy_does_whatever_the_portions() -> None:
     chance = np.random.default_rng(8)
     base = 6.2 * np.arange(400) / 5 + np.array([[0.3], [-20.0]])
@@ -191,7 +179,7 @@ def test_a_motion_that_turns_out_too_wild_leaves_nothing(
     make_scene: Maker, portions_of: Callable[[int], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     portions_of(300)
-    monkeypatch.setattr("synth.march.CLOSED_FORM_ERROR", 1e-3)
+    monkeypatch.setattr("synth.propagate.CLOSED_FORM_ERROR", 1e-3)
     with pytest.raises(SceneError, match=r"estimated error is 0\.001"):
         simulate_to(make_scene(), tmp_path / "a.record.nc", tmp_path / "a.truth.nc")
     assert list(tmp_path.iterdir()) == []

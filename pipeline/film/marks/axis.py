@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.film.edits import NO_MARKS, MarkEdits
 from pipeline.film.marks.alignment import lasting, refined
-from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps
+from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps, slips
 from pipeline.film.marks.numbering import Counted, number_marks
 from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
@@ -31,6 +31,7 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
     offset, shear, unsure = alignment.offset, alignment.shear, 0.0
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
     freed = row - offset[: len(row), None] - shear * column
+    jumps = np.union1d(jumps, slips(freed)) if across is None else jumps
     paper = drive(freed, sigma, marking.interval, jumps=jumps)
     for _ in range(ROUNDS if across is None else 0):
         offset, shear, unsure = refined(row, sigma, column, paper)

@@ -29,6 +29,7 @@ COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 LONG_GAP = 3.0  # s without marks
+SLIP, LEAST_SLIP, ABOUT = 8.0, 1.5, 11  # deviations, and px, of the rows between two marks; marks about them
 
 Lines = tuple[tuple[float, float, float], ...]
 NO_JUMPS = np.zeros(0, dtype=np.int64)
@@ -96,6 +97,23 @@ def drive(
             break
         paper = _most_likely(believed, sigma, paper.model, jumps)
     return paper
+
+
+def slips(rows: Floats) -> NDArray[np.int64]:
+    """Marks before which the paper slipped, of rows (traces, marks): apart unlike those about them, by no mark's own
+    error."""
+    from scipy.ndimage import median_filter
+
+    shown = np.isfinite(rows).sum(axis=0)
+    marks = np.flatnonzero(shown)
+    if marks.size < 2 * ABOUT:
+        return NO_JUMPS
+    row, count = np.nansum(rows[:, marks], axis=0) / shown[marks], np.diff(marks)
+    off = np.diff(row) - count * median_filter(np.diff(row) / count, ABOUT, mode="nearest")
+    least = max(SLIP * 1.4826 * float(np.median(np.abs(off))), LEAST_SLIP)
+    before, after = np.append(0.0, off[:-1]), np.append(off[1:], 0.0)
+    lasting = np.minimum(np.abs(off + before), np.abs(off + after)) > 0.5 * np.abs(off)
+    return np.asarray(marks[1:][(np.abs(off) > least * np.sqrt(count)) & lasting & (count < ABOUT)])
 
 
 def _most_likely(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64]) -> Drive:

@@ -1,6 +1,6 @@
 """Image files: TIFF and BigTIFF, decoded a strip or a row of tiles at a time; all others whole, by Pillow.
 
-Where the pixels of a TIFF are kept is read by tifffile, and believed only after a check against the file.
+tifffile reads where the pixels of a TIFF are kept, which is checked against the file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
 NO_COMPRESSION, DEFLATE, DEFLATE_OLD = 1, 8, 32946
 HORIZONTAL = 2  # differences along the rows
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
-PER_INCH = {2: 1.0, 3: 2.54}  # ResolutionUnit: inch, cm
 MOST_INFLATION = 1032  # of deflate, by its format
 CACHED = 2**24  # bytes of decoded bands
 CHUNK = 2**22  # bytes read at once of a file without compression
@@ -110,8 +109,13 @@ def open_whole(path: Path, kind: str) -> WholeImage:
                         "save it as TIFF in strips, or cut it and add --strips"
                     )
                 upright = int(image.getexif().get(ORIENTATION, 1))
-                resolution = _pillow_resolution(image.info.get("dpi"))
-                return WholeImage(path, _pillow_grey(image), resolution, upright if 1 <= upright <= 8 else 1)
+                resolution = None
+                with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
+                    across, down = (float(value) for value in image.info.get("dpi"))
+                    resolution = down, across
+                deep = image.mode in ("I", "I;16")
+                pixels = np.array(np.clip(image, 0, 65535), np.uint16) if deep else np.array(image.convert("L"))
+                return WholeImage(path, pixels, resolution, upright if 1 <= upright <= 8 else 1)
     except FileError:
         raise
     except MemoryError as fault:
@@ -122,22 +126,6 @@ def open_whole(path: Path, kind: str) -> WholeImage:
 
 def _short(fault: Exception) -> str:
     return " ".join(str(fault).split())[:120] or type(fault).__name__
-
-
-def _pillow_grey(image: Any) -> Pixels:
-    """Grey pixels, by the same luma as `to_grey`."""
-    if image.mode in ("I", "I;16"):
-        return np.asarray(np.clip(np.asarray(image), 0, 65535), dtype=np.uint16)
-    return np.array(image.convert("L"))
-
-
-def _pillow_resolution(stated: Any) -> tuple[float, float] | None:
-    """Pixels per inch down and across from Pillow's pair across and down."""
-    try:
-        across, down = (float(value) for value in stated)
-    except (TypeError, ValueError, ZeroDivisionError):
-        return None
-    return down, across
 
 
 def open_tiff(path: Path) -> ImageFile:
@@ -154,7 +142,7 @@ def open_tiff(path: Path) -> ImageFile:
             pages: list[Any] = list(itertools.islice(tiff.pages, MOST_PAGES))
             sizes = [int(each.imagelength) * int(each.imagewidth) for each in pages]
             page = pages[sizes.index(max(sizes))]
-            image = _described(path, page, tiff.byteorder)
+            image = TiffImage(path, page, tiff.byteorder)
             several = sum(size > SMALL * max(sizes) for size in sizes) > 1
             bits, kind = page.bitspersample, page.sampleformat
     except Exception as fault:  # tifffile raises whatever the bytes lead to
@@ -172,78 +160,41 @@ def open_tiff(path: Path) -> ImageFile:
     return image
 
 
-def _described(path: Path, page: Any, byteorder: str) -> TiffImage:
-    """What the tags of a page say."""
-    rows, columns, tiled = int(page.imagelength), int(page.imagewidth), bool(page.is_tiled)
-    height = int(page.tilelength) if tiled else min(int(page.rowsperstrip or rows), rows)
-    samples = int(page.samplesperpixel)
-
-    def whole(name: str, default: int, allowed: range) -> int:
-        value = page.tags.valueof(name, default=default)
-        return int(value) if isinstance(value, int) and int(value) in allowed else default
-
-    factor, resolution = PER_INCH.get(whole("ResolutionUnit", 2, range(1, 4))), None
-    stated = [page.tags.valueof(name) for name in ("YResolution", "XResolution")]
-    if factor is not None and all(isinstance(value, tuple) and len(value) == 2 and value[1] for value in stated):
-        down, across = (factor * float(value[0]) / float(value[1]) for value in stated)
-        resolution = down, across
-    return TiffImage(
-        path=path,
-        rows=rows,
-        columns=columns,
-        samples=samples,
-        dtype=np.dtype(f"{byteorder}u{max(1, int(page.bitspersample) // 8)}"),
-        segment_rows=max(1, height),
-        segment_columns=max(1, int(page.tilewidth) if tiled else columns),
-        offsets=tuple(int(value) for value in page.dataoffsets),
-        sizes=tuple(int(value) for value in page.databytecounts),
-        is_tiled=tiled,
-        is_planar=int(page.planarconfig) == 2 and samples > 1,
-        photometric=int(page.photometric),
-        compression=int(page.compression),
-        predictor=int(page.predictor),
-        resolution=resolution,
-        upright=whole("Orientation", 1, range(1, 9)),
-    )
-
-
-@dataclass
 class TiffImage(ImageFile):
     """A TIFF on the disk, of which nothing is held but the bands of rows last decoded; any number of threads may read.
 
-    Strips are tiles as wide as the image: segments of `segment_rows` rows and `segment_columns` columns lie at
-    `offsets` in the file, `sizes` bytes each. `dtype` is that of a sample in the file's byte order.
+    A band is a row of tiles, or a strip, which is a tile as wide as the image: `segment` is the shape of either. Plane
+    by plane and band by band, they lie at `offsets` in the file, `sizes` bytes each.
     """
 
-    path: Path
-    rows: int
-    columns: int
-    samples: int
-    dtype: np.dtype[Any]
-    segment_rows: int
-    segment_columns: int
-    offsets: tuple[int, ...]
-    sizes: tuple[int, ...]
-    is_tiled: bool
-    is_planar: bool
-    photometric: int
-    compression: int
-    predictor: int
-    resolution: tuple[float, float] | None
-    upright: int
-
-    def __post_init__(self) -> None:
+    def __init__(self, path: Path, page: Any, byteorder: str) -> None:
+        """What the tags of a page say."""
+        self.path, self.rows, self.columns = path, int(page.imagelength), int(page.imagewidth)
+        self.photometric, self.compression = int(page.photometric), int(page.compression)
+        self.predictor, self.is_tiled = int(page.predictor), bool(page.is_tiled)
+        self.channels = int(page.samplesperpixel)
+        self.is_planar = int(page.planarconfig) == 2 and self.channels > 1
+        height = int(page.tilelength) if self.is_tiled else min(int(page.rowsperstrip or self.rows), self.rows)
+        width = int(page.tilewidth) if self.is_tiled else self.columns
+        self.segment = max(1, height), max(1, width), 1 if self.is_planar else self.channels
+        self.offsets = [int(value) for value in page.dataoffsets]
+        self.sizes = [int(value) for value in page.databytecounts]
+        self.dtype = np.dtype(f"{byteorder}u{max(1, int(page.bitspersample) // 8)}")
         self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
-        self.down, self.across = -(-self.rows // self.segment_rows), -(-self.columns // self.segment_columns)
-        self.planes, self.together = (self.samples, 1) if self.is_planar else (1, self.samples)  # channels of a segment
+        across, down = page.get_resolution("INCH")
+        self.resolution = float(down), float(across)
+        upright = page.tags.valueof(ORIENTATION, default=1)
+        self.upright = int(upright) if upright in range(1, 9) else 1
 
     def check(self) -> None:
         """Raise `FileError` where the tags contradict each other or the file's length.
 
         Strips of any height that follow each other without compression are taken for lower ones.
         """
-        count, length = self.planes * self.down * self.across, self.path.stat().st_size
-        if not len(self.offsets) == len(self.sizes) == count:
+        length, (height, width, together) = self.path.stat().st_size, self.segment
+        bands, across, planes = -(-self.rows // height), -(-self.columns // width), self.channels // together
+        if not len(self.offsets) == len(self.sizes) == planes * bands * across:
+            count = planes * bands * across
             raise FileError(f"{self.path}: lists {len(self.offsets)} of {count} strips or tiles; save it again")
         last = max(offset + size for offset, size in zip(self.offsets, self.sizes, strict=True))
         if last > length or min(self.offsets) < 8:
@@ -251,16 +202,16 @@ class TiffImage(ImageFile):
         if sum(self.sizes) > length:
             raise FileError(f"{self.path}: its strips or tiles overlap in the file; save it again")
         plain = self.compression == NO_COMPRESSION
-        pitch = self.columns * self.samples * self.dtype.itemsize
+        pitch = self.columns * self.channels * self.dtype.itemsize
         if self.rows * pitch > sum(self.sizes) * (1 if plain else MOST_INFLATION):
             raise FileError(f"{self.path}: holds too few bytes for {self.columns} x {self.rows} pixels; save it again")
         follow = all(a + n == b for a, n, b in zip(self.offsets, self.sizes, self.offsets[1:], strict=False))
         if plain and not self.is_tiled and not self.is_planar and follow:
-            self.segment_rows = max(1, CHUNK // pitch)
-            self.down = -(-self.rows // self.segment_rows)
-            self.offsets = tuple(self.offsets[0] + k * self.segment_rows * pitch for k in range(self.down))
-            self.sizes = (self.segment_rows * pitch,) * self.down
-        band = self.segment_rows * self.segment_columns * self.across * self.together * self.dtype.itemsize
+            height = max(1, CHUNK // pitch)
+            self.segment = height, width, together
+            self.offsets = [self.offsets[0] + first * pitch for first in range(0, self.rows, height)]
+            self.sizes = [height * pitch] * len(self.offsets)
+        band = height * width * across * together * self.dtype.itemsize
         if band > MOST_BYTES_AT_ONCE:
             raise FileError(
                 f"{self.path}: its strips or tiles are too large to be decoded; save it with 1024 rows a strip"
@@ -270,7 +221,7 @@ class TiffImage(ImageFile):
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, grey."""
         pixels = np.empty((stop - first, self.columns), dtype=self.dtype.newbyteorder("="))
-        height = self.segment_rows
+        height = self.segment[0]
         for band in range(first // height, -(-stop // height)):
             start = band * height
             a, b = max(first, start), min(stop, start + height)
@@ -279,26 +230,21 @@ class TiffImage(ImageFile):
 
     def _decode_band(self, band: int) -> Pixels:
         """All columns of one row of strips or tiles, grey, in the machine's byte order, white above black."""
-        height = min(self.segment_rows, self.rows - band * self.segment_rows)
-        whole = np.empty((height, self.columns, self.samples), dtype=self.dtype)
+        height, width, together = self.segment
+        rows, across = min(height, self.rows - band * height), -(-self.columns // width)
+        pixels = np.empty((rows, self.columns, self.channels), dtype=self.dtype)
         with self.path.open("rb") as stream:
-            for plane, tile in np.ndindex(self.planes, self.across):
-                number = (plane * self.down + band) * self.across + tile
-                left = tile * self.segment_columns
-                right = min(self.columns, left + self.segment_columns)
-                channels = slice(plane, plane + 1) if self.is_planar else slice(None)
-                segment = self._decode(stream.fileno(), number, height)
-                whole[:, left:right, channels] = segment[:height, : right - left]
-        grey = to_grey(whole if self.samples > 1 else whole[:, :, 0])
+            for plane, tile in np.ndindex(self.channels // together, across):
+                number = (plane * -(-self.rows // height) + band) * across + tile
+                part = pixels[:, tile * width : (tile + 1) * width, plane * together : (plane + 1) * together]
+                part[:] = self._decode(stream.fileno(), number, rows)[:rows, : part.shape[1]]
+        grey = to_grey(pixels if self.channels > 1 else pixels[:, :, 0])
         grey = np.ascontiguousarray(grey, dtype=grey.dtype.newbyteorder("="))
         return self.full_scale - grey if self.photometric == WHITE_IS_ZERO else grey
 
     def _decode(self, descriptor: int, number: int, rows: int) -> Pixels:
-        """Pixels of one segment of the open file, (rows, columns, channels), in the file's byte order.
-
-        A last strip may hold fewer `rows` than the others, a tile never does.
-        """
-        shape = (self.segment_rows if self.is_tiled else rows, self.segment_columns, self.together)
+        """Pixels of one segment of the open file; a last strip may hold fewer `rows` than the others, a tile never."""
+        shape = (self.segment[0] if self.is_tiled else rows, *self.segment[1:])
         needed = int(np.prod(shape)) * self.dtype.itemsize
         name = f"{self.path}: strip or tile {number}"
         data = os.pread(descriptor, self.sizes[number], self.offsets[number])

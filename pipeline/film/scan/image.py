@@ -76,34 +76,26 @@ class Inverted(View):
 
 
 class Turn(NamedTuple):
-    """Rows and columns exchanged, then either reversed.
-
-    >>> Turn(True, False, True).then(Turn(True, False, True)) == Turn(False, True, True)
-    True
-    """
+    """Rows and columns exchanged, then either reversed."""
 
     transposed: bool = False
     rows_reversed: bool = False
     columns_reversed: bool = False
 
     def then(self, other: Turn) -> Turn:
-        """This turn and after it another."""
+        """This turn and after it another.
+
+        >>> Turn(True, False, True).then(Turn(True, False, True)) == Turn(False, True, True)
+        True
+        """
         _, rows, columns = self
         if other.transposed:
             rows, columns = columns, rows
         return Turn(self.transposed != other.transposed, rows != other.rows_reversed, columns != other.columns_reversed)
 
 
-UPRIGHT = {
-    1: Turn(),
-    2: Turn(False, False, True),
-    3: Turn(False, True, True),
-    4: Turn(False, True, False),
-    5: Turn(True, False, False),
-    6: Turn(True, False, True),
-    7: Turn(True, True, True),
-    8: Turn(True, True, False),
-}
+TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")  # transposed, rows reversed, columns reversed
+UPRIGHT = {code: Turn(*(letter in turn for letter in "trc")) for code, turn in enumerate(TURNS, 1)}
 """What sets the rows of a file upright, by the orientation of TIFF and EXIF."""
 CLOCKWISE = {0: UPRIGHT[1], 90: UPRIGHT[6], 180: UPRIGHT[3], 270: UPRIGHT[8]}
 """Turns by degrees."""
@@ -128,8 +120,7 @@ class Reversed(View):
 class Transposed(Image):
     """An image whose columns have become rows, kept in a temporary file that goes with the process.
 
-    The file holds chunks of rows one after the other, each transposed: it is written in order, and a row of the result
-    lies in as many pieces as there are chunks.
+    The file holds chunks of rows one after the other, each transposed: it is written in order.
     """
 
     def __init__(self, image: Image) -> None:
@@ -194,8 +185,7 @@ class WithoutBorder(View):
 def without_border(image: Image) -> Image:
     """The image with the scanner's border beside the film overlaid; the image itself where it has none.
 
-    A film narrower than the scanner's window leaves a border at its sides, lighter or darker than blank film, straight
-    but perhaps oblique.
+    The border is lighter or darker than blank film, and straight but perhaps oblique.
     """
     starts = np.unique(np.linspace(0, max(0, image.rows - PROFILE_ROWS), PROFILES).astype(np.int64)).tolist()
     profiles = np.array(

@@ -7,7 +7,7 @@ import importlib.util
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import FileError, UsageError
-from data_schemas.ordinary import MOST_BYTES, ordinary_size
+from data_schemas.text_files import MOST_BYTES, ordinary_size
 from pipeline.film.scan.files import ImageFile, open_tiff, open_whole
 from pipeline.film.scan.image import (
     CLOCKWISE,
@@ -38,6 +38,11 @@ ACROSS = 1.5  # times the grain, of a block's row of which half the pixels depar
 ORIENTATIONS = ("auto", "0", "90", "180", "270")
 LINES = ("auto", "dark", "light")
 MM_PER_INCH = 25.4
+COARSE = 150.0  # dpi, below which a line of .1 mm is hardly wider than a pixel
+FLAT = 0.12  # of the grey levels, by which lines and film differ at least
+STEPS = 8  # grey levels, of a scan that has few
+SQUARES, JPEG_SIDE = 1.25, 8  # step across the edges of JPEG's squares over that beside them; px
+PIECES, ROWS = 5, 256
 UNSTATED = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
 SQUARE = 0.01  # largest relative difference of pixels' two sides
 REMEDY = "give a scan of a film as TIFF, PNG or JPEG"
@@ -98,12 +103,13 @@ class OpenScan(View):
         if not 0 <= first < last:
             raise UsageError(f"rows {first} to {last}: the film has rows 0 to {self.rows}")
         notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
-        return OpenScan(Part(self.image, first, last), self.scale, self.paths, notes, self.orientation, self.directed)
+        return replace(self, image=Part(self.image, first, last), notes=notes)
 
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
-        return OpenScan(Reversed(self.image), self.scale, self.paths, notes, (self.orientation + 180) % 360)
+        turned_on = (self.orientation + 180) % 360
+        return replace(self, image=Reversed(self.image), notes=notes, orientation=turned_on, directed=False)
 
 
 def open_scan(
@@ -201,6 +207,33 @@ def _departures(pixels: Pixels) -> NDArray[np.float32]:
     blocks[np.abs(np.median(blocks, axis=2)) > ACROSS] = 0.0
     blocks[np.abs(blocks) < FAINTEST] = 0.0
     return blocks
+
+
+def cause_in(scan: OpenScan) -> str | None:
+    """The likeliest fault of a scan that lies in the scan itself, with its remedy; None where it looks well."""
+    if scan.scale is not None and (dpi := MM_PER_INCH / scan.scale) < COARSE:
+        return f"the scan has {dpi:.0f} dpi, too few for its lines: scan at 300 dpi"
+    firsts = np.linspace(0, max(0, scan.rows - ROWS), PIECES).astype(int).tolist()
+    pieces = [scan.read(first, first + ROWS) for first in firsts]
+    levels = np.unique(np.concatenate([np.unique(piece) for piece in pieces])).size
+    if levels <= STEPS:
+        return f"the scan has {levels} grey levels: scan in grey with 8 bits"
+    if max(_squares(piece) for piece in pieces) > SQUARES:
+        return "compression shows as squares of 8 pixels: save the scan as TIFF or PNG, or as JPEG of quality 90"
+    dark, light = np.quantile(np.concatenate([piece.ravel() for piece in pieces]), [0.001, 0.999])
+    if light - dark < FLAT * scan.full_scale:
+        share = 100.0 * (light - dark) / scan.full_scale
+        return f"the pixels span {share:.0f} % of the grey levels: scan with more contrast"
+    return None
+
+
+def _squares(pixels: Pixels) -> float:
+    """Mean step from column to column across the edges of squares of 8 pixels, over that elsewhere."""
+    step = np.abs(np.diff(pixels.astype(np.float32), axis=1))
+    step = np.minimum(step, 4.0 * np.median(step) + 1.0).mean(axis=0)  # lines are steeper
+    by_phase = np.array([step[phase::JPEG_SIDE].mean() for phase in range(JPEG_SIDE)])
+    at = int(np.argmax(by_phase))
+    return float(by_phase[at] / max(np.delete(by_phase, at).mean(), 1e-3))
 
 
 def open_image(path: Path) -> ImageFile:

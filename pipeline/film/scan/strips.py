@@ -55,13 +55,13 @@ class Placement(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """A strip in the frame of the film, which is the first strip's; `first` is the film's row from which it is read."""
+    """A strip in the frame of the film, which is the first strip's."""
 
     image: Image
     row: float
     column: float
     turn: float
-    first: int
+    first: int  # row of the film from which on it is read
 
     def fill(self, first: int, wanted: Pixels) -> None:
         """Rows of the film from `first` on."""
@@ -108,9 +108,9 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
         raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
     parts = [Part(images[0], 0.0, 0.0, 0.0, 0)]
     for number in range(1, len(images)):
-        found = place(images[number - 1], images[number])
-        if found is None or not found.is_certain:
-            none = found is None or found.match < LEAST_MATCH
+        placed = place(images[number - 1], images[number])
+        if placed is None or not placed.is_certain:
+            none = placed is None or placed.match < LEAST_MATCH
             raise FileError(
                 f"{paths[number]}: {'no overlap found' if none else 'the overlap fits at several places'} with the end "
                 f"of {paths[number - 1].name}; give the strips in the order of time, each overlapping the one before "
@@ -118,9 +118,9 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
             )
         before = parts[-1]
         cosine, sine = math.cos(before.turn), math.sin(before.turn)
-        row = before.row + found.row * cosine + found.column * sine
-        column = before.column + found.column * cosine - found.row * sine
-        turn, size = before.turn + found.turn, max(images[number].rows, images[number].columns)
+        row = before.row + placed.row * cosine + placed.column * sine
+        column = before.column + placed.column * cosine - placed.row * sine
+        turn, size = before.turn + placed.turn, max(images[number].rows, images[number].columns)
         if max(abs(row - round(row)), abs(column - round(column))) + abs(turn) * size < EXACT:
             row, column, turn = float(round(row)), float(round(column)), 0.0
         seam = math.ceil(0.5 * (row + before.row + before.image.rows))
@@ -166,10 +166,10 @@ def place(before: Image, strip: Image) -> Placement | None:
     for _, (down, across) in ranked:
         if len(tried) < ROUGH and all(abs(down - other) > NEAR for other in tried):
             tried[down] = align(before, strip, float(first + down * DOWN), float(across * ACROSS), ROUGHLY)
-    best_first = sorted(tried.values(), key=lambda found: -found.match)[:FINE]
-    fine = [align(before, strip, found.row, found.column, FINELY, found.turn) for found in best_first]
-    best, *others = sorted(fine, key=lambda found: -found.match)
-    return best._replace(second=max((found.match for found in others), default=0.0))
+    rough = sorted(tried.values(), key=lambda each: -each.match)[:FINE]
+    fine = [align(before, strip, each.row, each.column, FINELY, each.turn) for each in rough]
+    best, *others = sorted(fine, key=lambda each: -each.match)
+    return best._replace(second=max((each.match for each in others), default=0.0))
 
 
 def _binned(image: Image, first: int, stop: int) -> Grey:
@@ -188,7 +188,7 @@ def _candidates(old: Grey, new: Grey) -> set[tuple[int, int]]:
     """Shifts (down, across), in bins, at which some part of the strip's beginning matches well."""
     from scipy.signal import correlate
 
-    found: set[tuple[int, int]] = set()
+    shifts: set[tuple[int, int]] = set()
     height = min(TEMPLATE, new.shape[0])
     most, middle = max(1, new.shape[1] // 8), new.shape[1] - 1
     for start in range(0, min(TEMPLATES * height, new.shape[0] - height + 1), height):
@@ -200,9 +200,9 @@ def _candidates(old: Grey, new: Grey) -> set[tuple[int, int]]:
             if best[row] <= 0.0:
                 break
             if 0 <= row - start < old.shape[0] - height // 2:
-                found.add((row - start, int(np.argmax(near[row])) - most))
+                shifts.add((row - start, int(np.argmax(near[row])) - most))
             best[max(0, row - NEAR) : row + NEAR + 1] = 0.0
-    return found
+    return shifts
 
 
 def _match(old: Grey, new: Grey, down: int, across: int) -> float:
@@ -217,10 +217,7 @@ def _match(old: Grey, new: Grey, down: int, across: int) -> float:
 def align(
     before: Image, strip: Image, row: float, column: float, widths: Sequence[float], turn: float = 0.0
 ) -> Placement:
-    """Refine a placement that is right to a few pixels, by Gauss-Newton on the difference of the two images.
-
-    `widths` are those of the smoothing in turn, 1 sigma, px.
-    """
+    """Refine a placement that is right to a few pixels, by Gauss-Newton on the images smoothed by `widths` in turn."""
     from scipy.ndimage import gaussian_filter, map_coordinates
 
     overlap = min(before.rows - round(row), strip.rows)
@@ -241,15 +238,15 @@ def align(
         for _ in range(STEPS):
             at = np.stack([down + shift_row + turn * about_column, across + shift_column - turn * about_row])
             inside = (at[0] >= 0) & (at[0] <= old.shape[0] - 1) & (at[1] >= 0) & (at[1] <= old.shape[1] - 1)
-            found, by_row, by_column = (
+            shown, by_row, by_column = (
                 map_coordinates(each, at[:, inside], order=1, mode="nearest") for each in (smooth, *slopes)
             )
-            if found.size < 100:  # away from the overlap: no match
+            if shown.size < 100:  # away from the overlap: no match
                 return Placement(row, column, 0.0, 0.0)
-            match = float(np.corrcoef(found, wanted[inside])[0, 1])
+            match = float(np.corrcoef(shown, wanted[inside])[0, 1])
             by_turn = by_row * about_column[inside] - by_column * about_row[inside]
             design = np.stack([by_row, by_column, by_turn])
-            step = np.linalg.lstsq(design @ design.T, design @ (wanted[inside] - found), rcond=1e-10)[0]
+            step = np.linalg.lstsq(design @ design.T, design @ (wanted[inside] - shown), rcond=1e-10)[0]
             shift_row, shift_column, turn = shift_row + step[0], shift_column + step[1], turn + step[2]
             if np.abs(step * (1.0, 1.0, max(rows, columns))).max() < CONVERGED:
                 break

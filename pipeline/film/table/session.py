@@ -22,7 +22,7 @@ from data_schemas.checksum import numbers_sha256
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.film_description import FilmDescription
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
-from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import one_line
 from pipeline.film.digitise import open_film
 from pipeline.film.edits import check_scan
 from pipeline.film.following import FilmTraces, Progress, find_time

@@ -23,11 +23,12 @@ from synth.kernels.compiled import kernel
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
 FINENESS = 1.25  # spots a step, where the light comes and goes with the Gaussian
 EDGE_FINENESS = 0.6  # where it is cut off
+STEP = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)  # of the exposure in tables of the curve
 FULL_NODES, MOST_NODES = 1000, 2000
 
 
 @kernel
-def light_nodes(
+def _add_nodes(
     state: Floats, spot: float, shear: float, begin: float, stop: float, factor: float, nodes: Floats, count: int,
     most: int, fineness: float,
 ) -> int:  # fmt: skip
@@ -58,7 +59,7 @@ def light_nodes(
 
 
 @kernel
-def along_film(state: Floats, shear: float, rows: float) -> float:
+def _along_film(state: Floats, shear: float, rows: float) -> float:
     """How far along the film from this row's crossing the trace falls `rows` rows of the image on."""
     along = rows
     if shear != 0.0:
@@ -71,31 +72,24 @@ def along_film(state: Floats, shear: float, rows: float) -> float:
 
 @kernel
 def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
-    """Where the spot was while it lit the row; returns the number of nodes.
+    """Where the spot was while it lit the row with centre line `row`; returns the number of nodes.
 
-    Parameters
-    ----------
-    state : (6,) array
-        Of the trace at this row (see `motion`).
-    gaps : (n, 2) array
-        First and last row of the shutter's gaps along this trace, rising; what was dark counts negative.
-    row : float
-        Centre line of this row, px.
-    nodes : (3, n) array
-        Overwritten: column, weight, and rows along the film from this row.
+    `state` is that of the trace at this row (see `motion`); `gaps` (n, 2) are first and last rows of the shutter's gaps
+    along this trace, rising, whose light counts negative. `nodes` (3, n) are overwritten: column, weight, and rows
+    along the film from this row.
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
-    count = light_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES, FINENESS)
+    count = _add_nodes(state, spot, shear, -reach, reach, 1.0, nodes, 0, FULL_NODES, FINENESS)
     for g in range(gaps.shape[0]):
         if gaps[g, 1] < row - REACH * spot:
             continue
         if gaps[g, 0] > row + REACH * spot:
             break
-        begin = max(-reach, along_film(state, shear, gaps[g, 0] - row))
-        stop = min(reach, along_film(state, shear, gaps[g, 1] - row))
+        begin = max(-reach, _along_film(state, shear, gaps[g, 0] - row))
+        stop = min(reach, _along_film(state, shear, gaps[g, 1] - row))
         if stop > begin and count < MOST_NODES - 2:
-            count = light_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES, EDGE_FINENESS)
+            count = _add_nodes(state, spot, shear, begin, stop, -1.0, nodes, count, MOST_NODES, EDGE_FINENESS)
     return count
 
 
@@ -132,17 +126,12 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
 
 
 class Lens(NamedTuple):
-    """Optics as the kernels take them: variance of the grain on blank film and its growth, and the curve as a table.
-
-    `table` holds darkness and its derivative at every `step` of exposure, (2, m).
-    """
+    """Optics as the kernels take them; `table` (2, m) holds darkness and its derivative at every `STEP` of exposure."""
 
     spot: float
     shear: float
-    blank: float
-    growth: float
+    grain: Floats
     table: Floats
-    step: float
 
 
 @dataclass(frozen=True)
@@ -168,5 +157,4 @@ class Optics:
 
     def lens(self) -> Lens:
         """For the kernels."""
-        step = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)
-        return Lens(self.spot, self.shear, float(self.grain[0]), float(self.grain[1]), self.curve.table(), step)
+        return Lens(self.spot, self.shear, self.grain, self.curve.table())

@@ -13,17 +13,24 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from pipeline.arrays import Floats
 from synth.kernels.compiled import kernel
 
 STATES = 6
 
 
+def place_and_rate(states: Floats) -> tuple[Floats, Floats]:
+    """Column and columns per row along the film of states (..., 6)."""
+    return states[..., 0] + states[..., 3], states[..., 1] - states[..., 5] * states[..., 4]
+
+
 @kernel
-def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float, work: Floats) -> None:
+def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float) -> None:
     """Carry a state and its covariance on, in place, by `rows` (+1 or -1) rows of the image.
 
-    `noise` (3,) is the growth a row of the variance of m2, of w and of p and q; `work` is (2, 6, 6).
+    `noise` (3,) is the growth a row of the variance of m2, of w and of p and q.
     """
     step = rows
     if shear != 0.0:  # the step along the film that moves the trace by whole rows of the image
@@ -36,21 +43,11 @@ def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear
     state[0] += state[1] * step + 0.5 * state[2] * step * step
     state[1] += state[2] * step
     state[3], state[4] = p, q
-    half = work[0]
-    for j in range(6):  # F P
-        half[0, j] = covariance[0, j] + step * (covariance[1, j] + 0.5 * step * covariance[2, j])
-        half[1, j] = covariance[1, j] + step * covariance[2, j]
-        half[2, j] = covariance[2, j]
-        half[3, j] = c * covariance[3, j] - s * covariance[4, j] - q * step * covariance[5, j]
-        half[4, j] = s * covariance[3, j] + c * covariance[4, j] + p * step * covariance[5, j]
-        half[5, j] = covariance[5, j]
-    for i in range(6):  # (F P) F'
-        covariance[i, 0] = half[i, 0] + step * (half[i, 1] + 0.5 * step * half[i, 2])
-        covariance[i, 1] = half[i, 1] + step * half[i, 2]
-        covariance[i, 2] = half[i, 2]
-        covariance[i, 3] = c * half[i, 3] - s * half[i, 4] - q * step * half[i, 5]
-        covariance[i, 4] = s * half[i, 3] + c * half[i, 4] + p * step * half[i, 5]
-        covariance[i, 5] = half[i, 5]
+    change = np.eye(STATES)
+    change[0, 1], change[0, 2], change[1, 2] = step, 0.5 * step * step, step
+    change[3, 3], change[3, 4], change[3, 5] = c, -s, -q * step
+    change[4, 3], change[4, 4], change[4, 5] = s, c, p * step
+    covariance[:] = change @ covariance @ change.T
     grow = abs(step)
     covariance[2, 2] += noise[0] * grow
     covariance[5, 5] += noise[1] * grow
@@ -82,16 +79,16 @@ def slope_variance(state: Floats, covariance: Floats) -> float:
 
 
 @kernel
-def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float, work: Floats) -> None:
+def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float) -> None:
     """Take in a reading that lies `shift` columns from the state's own, with its variance."""
     gain = 1.0 + shear * (state[1] - state[5] * state[4])
-    column = work[0, 0]
-    for i in range(6):
+    column = np.empty(STATES)
+    for i in range(STATES):
         column[i] = covariance[i, 0] + covariance[i, 3]
     total = column[0] + column[3] + variance * gain * gain
-    for i in range(6):
+    for i in range(STATES):
         state[i] += column[i] / total * (shift * gain)
-        for j in range(6):
+        for j in range(STATES):
             covariance[i, j] -= column[i] * column[j] / total
 
 

@@ -1,7 +1,7 @@
-"""What was read of a film's traces, filled piece by piece.
+"""Rows of a piece of film that was followed both ways: read, judged and flagged.
 
-Gaps of the shutter are told from a trace's brightness row by row, and fitted to the pixels. The spot blurs a gap, but
-not what is missing: the lack of light summed over the rows is the gap's length, and its centre of gravity the gap's
+Gaps of the shutter are estimated from a trace's brightness row by row, and fitted to the pixels. The spot blurs a gap,
+but not the light that is missing: its sum over the rows is the gap's length, and its centre of gravity the gap's
 middle. Beside a gap a row holds part of a line, whose cut is not that of a whole one, so that this is a first guess.
 """
 
@@ -19,6 +19,7 @@ from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_ga
 from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined
 from pipeline.film.tracking.row_reading import read_piece
 
@@ -40,7 +41,7 @@ DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
 SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
 FLOOR = 0.006  # spots, of the normal: what model and calibration leave
-LOST_SWINGS = 0.3
+LOST_SWINGS = 0.3  # without a reading on either side
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
 
@@ -48,24 +49,18 @@ def read_both(
     emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], first: int,
     darkness: NDArray[np.float32], forth: Piece, back: Piece, above: int, light: Floats,
 ) -> None:  # fmt: skip
-    """Read the rows of a piece that was followed both ways into their places; pieces do not touch each other's.
+    """Fill the piece's rows of `tracks` and `misfit` (traces, rows of the film); pieces do not touch each other's.
 
-    Parameters
-    ----------
-    misfit : (traces, rows) array
-        Mean square residual of each row's fit, of the whole film.
-    darkness : (rows, columns) array
-        Of the rows from `first` on, above blank film.
-    above, light : int, (traces, more rows) array
-        Brightness of the lines in the piece and, from `above` rows before it, around it; NaN where not followed.
+    `darkness` is that of the rows from `first` on, `light` (traces, more rows) the brightness of the lines from `above`
+    rows before them on, NaN where not followed.
     """
     rows = len(darkness)
     course = combined(forth, back, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
-    rate = np.where(known, (states[:, :, 1] - states[:, :, 5] * states[:, :, 4]).T, np.nan)
+    place, rate = (np.where(known, each.T, np.nan) for each in place_and_rate(states))
     bend = (states[:, :, 2] - states[:, :, 5] ** 2 * states[:, :, 3]).T
     gain = 1.0 + optics.shear * rate
-    place, slope = np.where(known, (states[:, :, 0] + states[:, :, 3]).T, np.nan), rate / gain
+    slope = rate / gain
     margin = round(MARGIN_SPOTS * optics.spot)
     low, high = max(0, above - margin), min(light.shape[1], above + rows + margin)
     lamps = np.stack([lamp_course(each, tracks.rows_per_swing) for each in light])
@@ -122,16 +117,9 @@ def fitted_gaps(
     darkness: NDArray[np.float32], first: int, place: Floats, slope: Floats, gaps: list[Floats], emulsion: FilmEmulsion,
     period: float,
 ) -> list[Floats]:  # fmt: skip
-    """Gaps of all traces, lists of first and last rows (n, 2), fitted to the film; as they are where that fails.
+    """Gaps of all traces, first and last rows (n, 2), fitted to the film from row `first` on; as given where it fails.
 
-    Parameters
-    ----------
-    darkness : (rows, columns) array
-        Of the rows from `first` on, above blank film.
-    place, slope : (traces, rows) arrays
-        The courses; NaN where they are not known.
-    period : float
-        Rows in a swing.
+    `place` and `slope` (traces, rows) are those of the courses, NaN where not known, `period` the rows in a swing.
     """
     table, exposure = np.concatenate(gaps) - first, emulsion.lit(np.nan_to_num(darkness))
     trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
@@ -158,16 +146,8 @@ def judge(
 ) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
-    Parameters
-    ----------
-    reading : (rows, 7) array
-        Of `row_reading.read_piece`.
-    place, course_variance, disagreement, known : (rows,) arrays
-        Of `pieces.combined`.
-    open_share, lamp : (rows,) arrays
-        Light let through by the shutter, and brightness in the open.
-    black : (rows,) array
-        Where the darkest pixel by the line can be no darker.
+    `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `open_share` is the light let
+    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker.
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
@@ -206,11 +186,7 @@ def judge(
 
 
 def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
-    """Variance of readings of whole lines about each row.
-
-    Where the shutter cuts a row that is not known to lie in a gap, it takes light, and the fit calls its reading unsure
-    instead of wrong.
-    """
+    """Variance of readings of whole lines about each row: that of a row cut by the shutter is too large, not wrong."""
     good = followed & np.isfinite(variance)
     usual = float(np.median(variance[good])) if good.any() else 0.0
     return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
@@ -219,8 +195,8 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
 def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one.
 
-    A row of which the shutter cut off a part is read amiss by up to half a row; its own light hardly tells where lines
-    are faint, but what a gap takes is taken from several rows together.
+    A row of which the shutter cut off a part is wrong by up to half a row; where lines are faint its own light hardly
+    shows it, but a gap takes light from several rows together.
     """
     ends = np.ones(CUT_ROWS)
     total, spread = np.convolve(np.where(followed, lack, 0.0), ends), np.convolve(variance, ends)

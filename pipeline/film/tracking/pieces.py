@@ -39,29 +39,15 @@ NO_LINES = np.zeros((0, 0))
 
 
 class Filter(NamedTuple):
-    """State of the filter; arrays over traces, changed as it runs.
+    """State of the filter; arrays over traces, changed as it runs."""
 
-    Attributes
-    ----------
-    states, covariances : (traces, 6), (traces, 6, 6) arrays
-        See `motion`.
-    alive : (traces,) array
-        1 where the trace is being followed.
-    lamp, quality : (traces,) arrays
-        Brightness of late, and share of good rows of late.
-    noise : (traces, 3) array
-        Growth of the variances a row.
-    memory : float
-        Share by which one row counts in `quality`.
-    """
-
-    states: Floats
-    covariances: Floats
-    alive: NDArray[np.int64]
-    lamp: Floats
-    quality: Floats
-    noise: Floats
-    memory: float
+    states: Floats  # (traces, 6), see `motion`
+    covariances: Floats  # (traces, 6, 6)
+    alive: NDArray[np.int64]  # 1 where the trace is being followed
+    lamp: Floats  # recent brightness
+    quality: Floats  # share of good rows among the recent ones
+    noise: Floats  # (traces, 3), growth of the variances a row
+    memory: float  # share by which one row counts in `quality`
 
     @staticmethod
     def idle(traces: int, period: float) -> Filter:
@@ -83,13 +69,10 @@ class Filter(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """What the filter made of a piece: arrays (traces, rows), and (rows, traces, ...) of before each reading.
-
-    Readings have an infinite variance where they were not used.
-    """
+    """Readings of a piece, (traces, rows), and the states before each reading, (rows, traces, ...)."""
 
     place: Floats
-    variance: Floats
+    variance: Floats  # infinite where the reading was not used
     brightness: Floats
     followed: NDArray[np.uint8]
     states: Floats
@@ -97,7 +80,7 @@ class Piece(NamedTuple):
 
     @staticmethod
     def empty(traces: int, rows: int) -> Piece:
-        """Room for a piece."""
+        """A piece to be filled."""
         place, variance, brightness = np.empty((3, traces, rows))
         states, covariances = np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES))
         return Piece(place, variance, brightness, np.zeros((traces, rows), np.uint8), states, covariances)
@@ -118,14 +101,9 @@ def start(swings: Sequence[Swing], row: float) -> Filter:
 
 
 def run(
-    begun: Filter,
-    darkness: NDArray[np.float32],
-    first: int,
-    order: int,
-    optics: Optics,
-    begins: NDArray[np.int64] | None = None,
-    lines: Floats | None = None,
-) -> Piece:
+    begun: Filter, darkness: NDArray[np.float32], first: int, order: int, optics: Optics,
+    begins: NDArray[np.int64] | None = None, lines: Floats | None = None,
+) -> Piece:  # fmt: skip
     """Follow all traces over a piece of film, along it (order 1) or against it (-1).
 
     `begins` names rows of the piece from which on traces are followed that are not alive, -1 for none; `lines`
@@ -133,42 +111,39 @@ def run(
     """
     piece = Piece.empty(begun.alive.size, darkness.shape[0])
     begins = np.full(begun.alive.size, -1) if begins is None else begins
-    follow(darkness, first, order, begun, begins, NO_LINES if lines is None else lines, optics.lens(), piece)
+    _follow(darkness, first, order, begun, begins, NO_LINES if lines is None else lines, optics.lens(), piece)
     return piece
 
 
-def run_again(
+def replay(
     begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics,
     lines: Floats | None = None,
 ) -> Piece:  # fmt: skip
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
     piece.place[:], piece.variance[:], piece.followed[:] = place, variance, followed
-    replay(begun, NO_LINES if lines is None else lines, optics.spot, optics.shear, piece)
+    _replay(begun, NO_LINES if lines is None else lines, optics.spot, optics.shear, piece)
     return piece
 
 
 @kernel
-def pulled(state: Floats, covariance: Floats, column: float, spot: float, shear: float, work: Floats) -> None:
+def _pull(state: Floats, covariance: Floats, column: float, spot: float, shear: float) -> None:
     """Move a trace to where a person says that it runs, as surely as a hand draws."""
     slope = slope_of(state, shear)
     spread = HAND * HAND * spot * spot * (1.0 + slope * slope)
-    correct(state, covariance, column - state[0] - state[3], spread, shear, work)
+    correct(state, covariance, column - state[0] - state[3], spread, shear)
 
 
 @kernel
-def follow(
+def _follow(
     darkness: NDArray[np.float32], first: int, order: int, begun: Filter, begins: NDArray[np.int64], lines: Floats,
     lens: Lens, piece: Piece,
 ) -> None:  # fmt: skip
-    """Read and follow all traces over the rows of a piece, which begins at row `first` of the film (see `run`).
-
-    `begun` is the filter before the first row to be read, and is overwritten by that after the last.
-    """
+    """See `run`; `begun` is the filter before the first row to be read, and is overwritten by that after the last."""
     rows, columns = darkness.shape
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
     traces, spot, shear = alive.size, lens.spot, lens.shear
-    reading, work = work_space(traces, columns), np.empty((2, 6, 6))
+    reading = work_space(traces, columns)
     fit = reading.fit
     prior = np.ones((traces, 2))
     gaps, gap_of = np.empty((0, 2)), np.zeros(traces + 1, np.int64)
@@ -176,11 +151,11 @@ def follow(
         i = turn if order > 0 else rows - 1 - turn
         for k in range(traces):
             if alive[k] != 0:
-                advance(states[k], covariances[k], begun.noise[k], float(order), shear, work)
+                advance(states[k], covariances[k], begun.noise[k], float(order), shear)
             elif begins[k] == i:
                 alive[k] = 1
             if lines.shape[0] > 0 and alive[k] != 0 and not math.isnan(lines[k, i]):
-                pulled(states[k], covariances[k], lines[k, i], spot, shear, work)
+                _pull(states[k], covariances[k], lines[k, i], spot, shear)
                 quality[k] = max(quality[k], SURE)
             if alive[k] != 0:
                 prior[k, 0] = place_variance(states[k], covariances[k], shear)
@@ -205,7 +180,7 @@ def follow(
                 quality[k] += begun.memory * ((1.0 if good else 0.0) - quality[k])
             if good:
                 piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, spread
-                correct(states[k], covariances[k], shift, spread, shear, work)
+                correct(states[k], covariances[k], shift, spread, shear)
             if visible:
                 doubt = math.sqrt(light_variance) / (0.1 * lamp[k])
                 lamp[k] = max(0.02, lamp[k] + LAMP_MEMORY / (1.0 + doubt * doubt) * (light - lamp[k]))
@@ -214,10 +189,9 @@ def follow(
 
 
 @kernel
-def replay(begun: Filter, lines: Floats, spot: float, shear: float, piece: Piece) -> None:
-    """Once more along a piece that was followed before, from its readings alone; overwrites what `follow` kept."""
+def _replay(begun: Filter, lines: Floats, spot: float, shear: float, piece: Piece) -> None:
+    """See `replay`; overwrites the states of the piece."""
     states, covariances, alive = begun.states, begun.covariances, begun.alive
-    work = np.empty((2, 6, 6))
     for i in range(piece.states.shape[0]):
         for k in range(alive.size):
             if piece.followed[k, i] == 0:
@@ -225,33 +199,24 @@ def replay(begun: Filter, lines: Floats, spot: float, shear: float, piece: Piece
             if alive[k] == 0:
                 alive[k] = 1
             else:
-                advance(states[k], covariances[k], begun.noise[k], 1.0, shear, work)
+                advance(states[k], covariances[k], begun.noise[k], 1.0, shear)
             if lines.shape[0] > 0 and not math.isnan(lines[k, i]):
-                pulled(states[k], covariances[k], lines[k, i], spot, shear, work)
+                _pull(states[k], covariances[k], lines[k, i], spot, shear)
             piece.states[i, k] = states[k]
             piece.covariances[i, k] = covariances[k]
             if np.isfinite(piece.variance[k, i]):
                 shift = piece.place[k, i] - (states[k, 0] + states[k, 3])
-                correct(states[k], covariances[k], shift, piece.variance[k, i], shear, work)
+                correct(states[k], covariances[k], shift, piece.variance[k, i], shear)
 
 
 class Course(NamedTuple):
-    """The states of both directions weighed by their covariances: of all readings but the row's own.
+    """The states of both directions weighted by their covariances: estimated from all readings but the row's own."""
 
-    Attributes
-    ----------
-    states : (rows, traces, 6) array
-    variance, slope_variance, disagreement : (traces, rows) arrays
-        Variance of the column and of the slope; by how many sigma the directions differ in the column.
-    known : (traces, rows) array
-        1 forward only, 2 backward only, 3 both, 0 none.
-    """
-
-    states: Floats
-    variance: Floats
+    states: Floats  # (rows, traces, 6)
+    variance: Floats  # of the column, (traces, rows)
     slope_variance: Floats
-    disagreement: Floats
-    known: NDArray[np.uint8]
+    disagreement: Floats  # of the directions in the column, sigmas
+    known: NDArray[np.uint8]  # (traces, rows): 1 forward only, 2 backward only, 3 both, 0 none
 
 
 @kernel

@@ -9,15 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import LEAST_GROWTH, STEEPEST_GRAIN, FilmEmulsion, ToneCurve, clumps_of, plain_emulsion
+from pipeline.film.emulsion import (
+    LEAST_GROWTH,
+    STEEPEST_GRAIN,
+    FilmEmulsion,
+    ToneCurve,
+    clumps_of,
+    plain_emulsion,
+    shown_darkness,
+)
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
+from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.row_reading import lit_columns
 from pipeline.film.tracking.section import Section, read_section
 from pipeline.film.tracking.seeding import find_swings, spot_size
@@ -44,8 +54,7 @@ Darkness = Callable[[int, int], NDArray[np.float32]]
 def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film, grain, characteristic curve and spot, from strips spread over the film, dark lines on light."""
     plain = plain_emulsion(scan)
-    sigma = float(np.sqrt(plain.grain[0]))
-    probed = probe(lambda first, stop: plain.darkness(scan.read(first, stop), first), scan.rows, sigma)
+    probed = probe(partial(shown_darkness, plain, scan), scan.rows, float(np.sqrt(plain.grain[0])))
     if probed is None:
         return plain
     _, optics = probed
@@ -55,11 +64,11 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
-    curve = ToneCurve(max(darkest(darkness), 3.0 * sigma), 0.2, 1.5)
+    curve = ToneCurve(max(_darkest(darkness), 3.0 * sigma), 0.2, 1.5)
     return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, 10.0 * sigma**2]))
 
 
-def darkest(darkness: NDArray[np.float32]) -> float:
+def _darkest(darkness: NDArray[np.float32]) -> float:
     """Darkness of endless exposure, as the darkest pixels of a piece of film suggest it."""
     return 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
 
@@ -158,16 +167,16 @@ def calibrate(section: Section, optics: Optics) -> Optics:
         return optics
     states = section.states[rows].copy()
     read = section.place[:, rows].T
-    states[:, :, 0] += np.where(np.isfinite(read), read - states[:, :, 0] - states[:, :, 3], 0.0)
+    states[:, :, 0] += np.where(np.isfinite(read), read - place_and_rate(states)[0], 0.0)
 
     def model(unknowns: Floats) -> tuple[Floats, Floats]:
         spot, *shape = np.exp(unknowns)
-        exposure, pixels = exposures(section.darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
+        exposure, pixels = _exposures(section.darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
         return ToneCurve(*shape).darkness(exposure), pixels
 
     grain = optics.grain
     curve = optics.curve
-    usual = np.log([optics.spot, darkest(section.darkness), 1.0, *USUAL])
+    usual = np.log([optics.spot, _darkest(section.darkness), 1.0, *USUAL])
     unknowns = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
     for _ in range(ROUNDS):
         dark, pixels = model(unknowns)
@@ -191,20 +200,14 @@ def calibrate(section: Section, optics: Optics) -> Optics:
 
 
 @kernel
-def exposures(
+def _exposures(
     darkness: NDArray[np.float32], rows: NDArray[np.int64], traces: NDArray[np.int64], states: Floats, lamp: Floats,
     spot: float, window_spot: float, shear: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Exposure that the model leaves on the pixels about some rows of some traces, and their darkness.
+    """Exposure that the model leaves on the pixels about some `rows` (n,) of some `traces` (n,), and their darkness.
 
-    Parameters
-    ----------
-    rows, traces : (n,) arrays
-        Where to look.
-    states, lamp : (n, traces, 6), (n, traces) arrays
-        Of all traces on those rows; a trace with a lamp of 0 is left out.
-    window_spot : float
-        Width of the spot for which the windows are chosen.
+    `states` (n, traces, 6) and `lamp` (n, traces) are those of all traces on those rows, a lamp of 0 for one that is
+    left out; the windows are chosen for a spot of `window_spot`.
     """
     columns = darkness.shape[1]
     exposure, dark = np.zeros((2, rows.size * columns))
@@ -242,14 +245,13 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
     """Rows and traces away from gaps and other traces: with the lamp's brightness there for all, and its median."""
     half = max(4, round(0.25 * section.period))
     lamp = np.stack([_running_median(light, half) for light in section.brightness])
-    slope = (section.states[:, :, 1] - section.states[:, :, 5] * section.states[:, :, 4]).T
+    place, slope = (each.T for each in place_and_rate(section.states))
     share = np.nan_to_num(section.brightness / lamp)
     for each, lean in zip(share, slope, strict=True):  # a curve that is wrong shows in the brightness by slope
         order = np.argsort(lean)
         each[order] /= np.maximum(median_filter(each[order], ALIKE_ROWS), 0.1)
     doubtful = ~np.isfinite(section.place) | (share < LACKING)
     near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
-    place = section.states[:, :, [0, 3]].sum(axis=2).T
     reach = spot * (6.0 + 5.0 * np.abs(slope))
     rows = []
     for k in range(len(place)):
@@ -287,7 +289,7 @@ def measure_shear(section: Section) -> float:
         state = state[rows]
         angle = np.arctan2(state[:, 4], state[:, 3])
         amplitude = float(np.median(np.hypot(state[:, 3], state[:, 4])))
-        slope = state[:, 1] - state[:, 5] * state[:, 4]
+        slope = place_and_rate(state)[1]
         t = (rows - rows.mean()) / (0.5 * rows.size)
         slow = np.polynomial.polynomial.polyvander(t, max(3, int(rows.size * frequency / np.pi)))
         co, si = np.cos(angle), np.sin(angle)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import MOST_NODES, REACH, Lens, nodes_of, profile
+from pipeline.film.tracking.line_profile import MOST_NODES, REACH, STEP, Lens, nodes_of, profile
 from pipeline.film.tracking.motion import slope_of, solve
 from synth.kernels.compiled import kernel
 
@@ -35,28 +35,26 @@ SETTLED = 0.03
 
 
 class Work(NamedTuple):
-    """What the fit of a row gives, and its work space.
+    """The fit of a row and its work space.
 
     Attributes
     ----------
     fit : (traces, 6) array
         Shift, its variance, brightness, its variance, mean square residual in units of the noise, variance of the
         shift if the trace lay alone; variances are inf where a trace is not known or off the image.
-    nodes, counts : (traces, 3, MOST_NODES), (traces,) arrays
-        Of all traces (`line_profile.nodes_of`), and their numbers.
     """
 
     fit: Floats
-    nodes: Floats
+    nodes: Floats  # (traces, 3, MOST_NODES), see `line_profile.nodes_of`
     counts: Integers
-    windows: Integers
+    windows: Integers  # (traces, 4): first column and the one behind the last, group, members of a group
     profiles: Floats
     matrices: Floats
 
 
 @kernel
 def work_space(traces: int, columns: int) -> Work:
-    """Room for the fit of rows."""
+    """Arrays for the fit of rows."""
     return Work(
         np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64),
         np.empty((traces, 4), np.int64), np.empty((traces, 3, columns)),
@@ -65,25 +63,13 @@ def work_space(traces: int, columns: int) -> Work:
 
 
 @kernel
-def fit_row(
+def _fit_group(
     darkness: Floats32, first: int, members: Integers, lens: Lens, lamp: Floats, prior: Floats, settled: float,
     work: Work,
 ) -> None:  # fmt: skip
-    """Shift and brightness of the traces of one group, into `work`.
-
-    Parameters
-    ----------
-    darkness, first
-        Of the pixels of the group's window, and column of the first of them.
-    lamp : (traces,) array
-        Brightness to start from.
-    prior : (traces, 2) array
-        Variance of the shift as known before, for the sake of the OTHER traces of the group (inf for none), and of the
-        slope.
-    settled : float
-        Last step, over 1.5 spots of the normal, at which to stop.
-    """
+    """Fit the traces of one group to the pixels from column `first` on (see `read_row`)."""
     spot, table, fit, profiles = lens.spot, lens.table, work.fit, work.profiles
+    blank, growth = lens.grain[0], lens.grain[1]
     size, g = darkness.size, members.size
     n = 3 * g + 1
     top = table.shape[1] - 2
@@ -92,7 +78,7 @@ def fit_row(
     value[:n] = 0.0
     for a in range(g):
         value[3 * a + 1] = lamp[members[a]]
-    offset_variance = 0.25 * lens.blank
+    offset_variance = 0.25 * blank
     for _ in range(ROUNDS):
         for a in range(g):
             k = members[a]
@@ -108,13 +94,13 @@ def fit_row(
             exposure = 0.0
             for a in range(g):
                 exposure += value[3 * a + 1] * profiles[members[a], 0, i]
-            place = exposure / lens.step
+            place = exposure / STEP
             index = min(int(place), top)
             share = min(place - index, 1.0)
             dark = table[0, index] + share * (table[0, index + 1] - table[0, index])
             rate = table[1, index] + share * (table[1, index + 1] - table[1, index])
             residual = darkness[i] - value[n - 1] - dark
-            weight = 1.0 / (lens.blank + lens.growth * dark)
+            weight = 1.0 / (blank + growth * dark)
             square = residual * residual * weight
             if square > OUTLIER * OUTLIER:
                 weight *= OUTLIER / math.sqrt(square)
@@ -193,7 +179,7 @@ def read_row(
     darkness: Floats32, row: float, states: Floats, alive: Integers, lens: Lens, lamp: Floats, prior: Floats,
     gaps: Floats, gap_of: Integers, settled: float, work: Work,
 ) -> None:  # fmt: skip
-    """Shift and brightness of all traces on one row (see `fit_row`), into `work`.
+    """Shift and brightness of all traces on one row, into `work`.
 
     Parameters
     ----------
@@ -203,8 +189,15 @@ def read_row(
         Centre line of the row, px.
     states, alive : (traces, 6), (traces,) arrays
         Of the motion at this row; `alive` is 0 where a trace is not known.
+    lamp : (traces,) array
+        Brightness to start from.
+    prior : (traces, 2) array
+        Variance of the shift as known before, for the sake of the OTHER traces of the group (inf for none), and of the
+        slope.
     gaps, gap_of : (n, 2), (traces + 1,) array
         Gaps of all traces; those of trace k from `gap_of[k]` to before `gap_of[k + 1]`.
+    settled : float
+        Last step, over 1.5 spots of the normal, at which to stop.
     """
     fit, nodes, counts, windows = work.fit, work.nodes, work.counts, work.windows
     spot = lens.spot
@@ -246,7 +239,7 @@ def read_row(
             for value in pixels:
                 total += value
             if not math.isnan(total):
-                fit_row(pixels, low_pixel, members, lens, lamp, prior, settled, work)
+                _fit_group(pixels, low_pixel, members, lens, lamp, prior, settled, work)
                 continue
             for k in members:  # nothing is to be read here
                 fit[k, 2] = math.nan
@@ -269,20 +262,10 @@ def read_piece(
     darkness: Floats32, first: int, states: Floats, known: NDArray[np.uint8], slope_variance: Floats, lamp: Floats,
     gaps: Floats, gap_of: Integers, lens: Lens,
 ) -> Floats:  # fmt: skip
-    """Read all traces row by row from row `first` of the film on (see `read_row`).
+    """Read all traces row by row from row `first` of the film on: `Work.fit` of each row and slope, (traces, rows, 7).
 
-    Parameters
-    ----------
-    states, known : (rows, traces, 6), (traces, rows) arrays
-        The course, and where there is one.
-    slope_variance, lamp : (traces, rows) arrays
-        Variance of the course's slope; brightness in the open.
-
-    Returns
-    -------
-    (traces, rows, 7) array
-        Shift from the course, its variance, brightness (of the light let through), its variance, mean square residual,
-        variance of the shift had the trace lain alone, slope.
+    `states` (rows, traces, 6) and `slope_variance` (traces, rows) are those of the course, `lamp` (traces, rows) the
+    brightness in the open; the brightness that is read is that of the light let through.
     """
     rows, columns = darkness.shape
     traces = states.shape[1]

@@ -1,55 +1,48 @@
-"""All traces of one section of film, found without help and followed through it."""
+"""All traces of one section of film, found without help and followed through it; and which of them is which.
+
+Traces found anew are known by amplitude, resting place and phase. Through a blackout the paper may have run fast or
+slow, which shifts the phases of all traces alike, and the ship may have moved the slow part; what the pendulums keep
+are their amplitudes and the phase between them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import Filter, Piece, combined, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
 
 LEAST_USED = 0.45  # share of rows read by which a seed proves true
-LEAST_SWINGS = 1.6
+LEAST_SWINGS, LEAST_AMPLITUDE = 1.6, 3.0  # followed; spots
 PERIOD_SLACK = 0.12
-LEAST_AMPLITUDE = 3.0  # spots
 SURE_SHARE = 0.8
+AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
+WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
+MOST_TRACES = 6
+Last = list[tuple[float, Floats]]
+"""Row and state at which each trace was read last."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """Traces of one section.
+    """Traces of one section, from left to right."""
 
-    Attributes
-    ----------
-    first : int
-        Its first row.
-    begin : int
-        Row of the section at which the swings are given.
-    darkness : (rows, columns) array
-        Above blank film.
-    swings : tuple of Swing
-        One a trace, from left to right, at one common row.
-    states : (rows, traces, 6) array
-        The course (see `motion`).
-    place, brightness : (traces, rows) arrays
-        Readings, NaN where there are none.
-    share : (traces,) array
-        Rows read of those followed.
-    """
-
-    first: int
-    begin: int
-    darkness: NDArray[np.float32]
-    swings: tuple[Swing, ...]
-    states: Floats
-    place: Floats
+    first: int  # row of the film
+    begin: int  # row of the section at which the swings are given
+    darkness: NDArray[np.float32]  # (rows, columns), above blank film
+    swings: tuple[Swing, ...]  # one a trace
+    states: Floats  # (rows, traces, 6), see `motion`
+    place: Floats  # (traces, rows), NaN where there is no reading
     brightness: Floats
-    share: Floats
+    share: Floats  # (traces,), rows read of those followed
 
     @property
     def period(self) -> float:
@@ -58,14 +51,9 @@ class Section:
 
 
 def read_section(
-    darkness: NDArray[np.float32],
-    first: int,
-    optics: Optics,
-    period: float | None,
-    count: int | None,
-    seeds: list[Swing] | None = None,
-    least: float = LEAST_USED,
-) -> Section | None:
+    darkness: NDArray[np.float32], first: int, optics: Optics, period: float | None, count: int | None,
+    seeds: list[Swing] | None = None, least: float = LEAST_USED,
+) -> Section | None:  # fmt: skip
     """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
     if seeds is None:
         seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
@@ -79,14 +67,14 @@ def read_section(
             continue
         if any(_on(seed, piece, first, optics.spot) for piece in proven):
             continue
-        found = _prove(seed, proven, darkness, first, optics)
-        if found is not None and not any(_coincide(found[1], piece, optics.spot) for piece in proven):
-            swing_rows = swing_rows or found[0]
-            proven.append(found[1])
-    return follow_together(darkness, first, proven, optics, least)
+        proof = _prove(seed, proven, darkness, first, optics)
+        if proof is not None and not any(_coincide(proof[1], piece, optics.spot) for piece in proven):
+            swing_rows = swing_rows or proof[0]
+            proven.append(proof[1])
+    return _follow_together(darkness, first, proven, optics, least)
 
 
-def follow_together(
+def _follow_together(
     darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, least: float
 ) -> Section | None:
     """Follow traces jointly that were each proven; the worst is left out until all are read for most of their way."""
@@ -133,10 +121,7 @@ def _turn(begun: Filter) -> None:
 def _prove(
     seed: Swing, others: list[Piece], darkness: NDArray[np.float32], first: int, optics: Optics
 ) -> tuple[float, Piece] | None:
-    """Follow a seed through the section, beside the traces that are known already: rows in a swing, and the piece.
-
-    None if it leads nowhere.
-    """
+    """Follow a seed beside the traces that are known already: rows in a swing, and the piece; None if it is none."""
     begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
     beside = [Swing(first + begin + 0.5, piece.states[begin, 0], 1.0) for piece in others if piece.followed[0, begin]]
     begun = start([seed, *beside], first + begin - 0.5)
@@ -168,7 +153,7 @@ def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
     rows = rows[piece.followed[0, rows] > 0]
     if rows.size < 0.5 * half:
         return False
-    course, slope = _course(piece, rows)
+    course, slope = place_and_rate(piece.states[rows, 0])
     away = np.abs(course - seed.column(first + rows + 0.5)) / np.sqrt(1.0 + slope**2)
     return bool(np.median(away) < SAME * spot)
 
@@ -176,10 +161,38 @@ def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
 def _coincide(one: Piece, other: Piece, spot: float) -> bool:
     """Whether two pieces follow one trace for a good part of their way."""
     rows = np.flatnonzero((one.followed[0] > 0) & (other.followed[0] > 0))
-    (a, slope), (b, _) = _course(one, rows), _course(other, rows)
+    (a, slope), (b, _) = place_and_rate(one.states[rows, 0]), place_and_rate(other.states[rows, 0])
     return bool(np.count_nonzero(np.abs(a - b) < spot * np.sqrt(1.0 + slope**2)) > 0.5 * rows.size)
 
 
-def _course(piece: Piece, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    state = piece.states[rows, 0]
-    return state[:, 0] + state[:, 3], state[:, 1] - state[:, 5] * state[:, 4]
+def match(section: Section, last: Last) -> list[int] | None:
+    """Trace number of each swing of the section, -1 for a swing that is none of them; None if that is not certain."""
+    traces, names = len(section.swings), len(last)
+    if max(traces, names) > MOST_TRACES:
+        return None
+    size = min(traces, names)
+    cost = sorted(
+        (_cost(section, chosen, named, last), chosen, named)
+        for chosen in permutations(range(traces), size)
+        for named in combinations(range(names), size)
+    )
+    if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
+        return None
+    names_of = dict(zip(cost[0][1], cost[0][2], strict=True))
+    return [names_of.get(place, -1) for place in range(traces)]
+
+
+def _cost(section: Section, chosen: tuple[int, ...], names: tuple[int, ...], last: Last) -> float:
+    """Chi square of some swings that are taken for some traces."""
+    total, phases = 0.0, []
+    for place, name in zip(chosen, names, strict=True):
+        swing, (row, state) = section.swings[place], last[name]
+        amplitude = float(np.hypot(state[3], state[4]))
+        total += (np.log(swing.amplitude / amplitude) / AMPLITUDE) ** 2
+        total += ((swing.state[0] - state[0]) / (PLACE * amplitude)) ** 2
+        then = np.arctan2(state[4], state[3]) + state[5] * (swing.row - row)
+        phases.append(np.arctan2(swing.state[4], swing.state[3]) - then)
+    turned = np.exp(1j * np.array(phases))
+    common = float(np.angle(turned.mean()))
+    apart = np.angle(turned * np.exp(-1j * common))
+    return float(total + np.sum((apart / PHASE) ** 2) + (common / COMMON) ** 2)

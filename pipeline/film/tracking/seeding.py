@@ -1,7 +1,7 @@
 """Which traces swing on a piece of film: hypotheses sorted, doubles of one trace put together.
 
 Two turning points on one side and one on the other between them fix a harmonic on a slow curve. The hypothesis is
-judged by the share of its way on which the paper is darker than both its sides: nothing but a swinging trace is dark
+judged by the share of its way on which the paper is darker than on both sides: nothing but a swinging trace is dark
 along 1.5 periods of such a curve.
 """
 
@@ -33,21 +33,11 @@ Floats32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Swing:
-    """A trace as first seen.
+    """A trace as first seen."""
 
-    Attributes
-    ----------
-    row : float
-        Where the state holds, px from the edge of the film.
-    state : (6,) array
-        See `motion`.
-    share : float
-        Part of the way that lies on dark paper.
-    """
-
-    row: float
-    state: Floats
-    share: float
+    row: float  # where the state holds, px from the edge of the film
+    state: Floats  # (6,), see `motion`
+    share: float  # part of the way that lies on dark paper
 
     @property
     def amplitude(self) -> float:
@@ -82,13 +72,8 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
     shortest, longest = (0.85 * period, 1.18 * period) if period else (5.0 * spot, 0.8 * darkness.shape[0])
     out = np.empty((MOST_PROPOSALS, 8))
     count = propose(smooth, points, spot, least, shortest, longest, out)
-    found = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
-    found.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
-    return _apart(found, spot)
-
-
-def _apart(swings: list[Swing], spot: float) -> list[Swing]:
-    """One swing of each trace: the surest."""
+    swings = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
+    swings.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
     rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
     free = np.ones(len(swings), dtype=bool)
     kept: list[Swing] = []
@@ -120,7 +105,7 @@ def _columns(row: float | Floats, state: Floats, at: Floats) -> tuple[Floats, Fl
     return place, m1 + along * m2 - w * (p * s + q * c)
 
 
-def spot_size(darkness: NDArray[np.float32]) -> float:
+def spot_size(darkness: Floats32) -> float:
     """1 sigma of the spot, px, from how alike rows are that lie close together.
 
     Most of a trace runs steeply across the rows, and its cut along the film is the spot's own profile. The likeness at
@@ -138,14 +123,14 @@ def spot_size(darkness: NDArray[np.float32]) -> float:
     return 1.2
 
 
-def turning_points(darkness: NDArray[np.float32], spot: float) -> tuple[NDArray[np.float32], Floats]:
+def turning_points(darkness: Floats32, spot: float) -> tuple[Floats32, Floats]:
     """Smoothed darkness, and the points (n, 3): row, column, +1 where the trace turns at its greatest column, else -1.
 
     Points count px from the piece's edges.
     """
     from scipy import ndimage
 
-    smooth: NDArray[np.float32] = ndimage.gaussian_filter(darkness, 0.8 * spot, mode="nearest")
+    smooth: Floats32 = ndimage.gaussian_filter(darkness, 0.8 * spot, mode="nearest")
     reach = 2 * max(1, round(1.5 * spot)) + 1
     peaks: NDArray[Any] = ndimage.maximum_filter(smooth, size=reach, mode="nearest") == smooth
     top = float(np.quantile(smooth[peaks], 0.995)) if peaks.any() else 0.0
@@ -156,20 +141,17 @@ def turning_points(darkness: NDArray[np.float32], spot: float) -> tuple[NDArray[
     wide = ndimage.uniform_filter1d(smooth, 2 * max(1, round(1.5 * spot)) + 1, axis=0, mode="nearest")
     right = wide[row, np.minimum(column + away, darkness.shape[1] - 1)]
     left = wide[row, np.maximum(column - away, 0)]
-    finer_row = row + 0.5 + _vertex(smooth, row, column, 1, 0)
-    finer_column = column + 0.5 + _vertex(smooth, row, column, 0, 1)
+    near = np.pad(smooth, 1, mode="edge").astype(np.float64)
+    peak = near[row + 1, column + 1]
+    finer_row = row + 0.5 + _vertex(near[row, column + 1], peak, near[row + 2, column + 1])
+    finer_column = column + 0.5 + _vertex(near[row + 1, column], peak, near[row + 1, column + 2])
     points = np.stack([finer_row, finer_column, np.where(left > right, 1.0, -1.0)], axis=1)
     return smooth, points[np.argsort(points[:, 0], kind="stable")]
 
 
-def _vertex(
-    values: NDArray[np.float32], row: NDArray[np.int64], column: NDArray[np.int64], down: int, across: int
-) -> Floats:
+def _vertex(before: Floats, peak: Floats, after: Floats) -> Floats:
     """By how much a parabola through a peak and its two neighbours culminates beside it, px."""
-    last_row, last_column = values.shape[0] - 1, values.shape[1] - 1
-    before = values[np.maximum(row - down, 0), np.maximum(column - across, 0)].astype(np.float64)
-    after = values[np.minimum(row + down, last_row), np.minimum(column + across, last_column)].astype(np.float64)
-    bend = np.minimum(before + after - 2.0 * values[row, column], -1e-9)
+    bend = np.minimum(before + after - 2.0 * peak, -1e-9)
     return np.asarray(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))
 
 

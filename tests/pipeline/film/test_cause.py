@@ -12,9 +12,8 @@ import pytest
 from data_schemas.errors import RefusedError
 from pipeline.film.knowledge import Known
 from pipeline.film.reading import read_film
-from pipeline.film.scan.cause import cause_in
 from pipeline.film.scan.files import WholeImage
-from pipeline.film.scan.opening import OpenScan
+from pipeline.film.scan.opening import OpenScan, cause_in
 
 DPI = 25.4
 

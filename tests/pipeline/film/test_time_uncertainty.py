@@ -10,7 +10,7 @@ from mark_lists import Case, made
 
 from pipeline.film.marks.alignment import lasting
 from pipeline.film.marks.axis import axis_of, times_of
-from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive
+from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive, slips
 from pipeline.film.parts import Floats, Marking
 
 STEP = 0.5  # s
@@ -44,6 +44,18 @@ def test_errors_are_as_large_as_stated(name: str) -> None:
             stated.append(axis.seconds_sigma[seen])
     ratio = np.sqrt(np.mean(np.concatenate(wrong) ** 2) / np.mean(np.concatenate(stated) ** 2))
     assert 0.7 < ratio < 1.4
+
+
+@pytest.mark.parametrize("missing", [(), (201, 202, 203)])
+def test_slip_is_found_between_the_marks_that_show_it(missing: tuple[int, ...]) -> None:
+    """Wow of 1 %, marks read to .05 px; a single mark that lies 5 px off is no slip."""
+    rng, at = np.random.default_rng(3), np.arange(400)
+    rows = 29.5 * at + 0.15 * np.sin(2.0 * np.pi * at / 7.0) + 0.05 * rng.normal(size=(2, at.size))
+    rows[:, 100] += 5.0
+    assert slips(rows).size == 0
+    rows[:, 201:] += 5.0
+    rows[:, list(missing)] = np.nan
+    assert slips(rows).tolist() == [201 + len(missing)]
 
 
 @pytest.mark.compiled

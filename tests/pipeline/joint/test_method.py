@@ -12,7 +12,7 @@ import synth
 from data_schemas import check, read, write
 from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
-from data_schemas.scene_checks import lightening
+from data_schemas.scene_conditions import lightening
 from pipeline import process, summaries
 from pipeline.benchmarks.bars_joint import GAPS
 from pipeline.benchmarks.honesty.kinds import Case

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from data_schemas.scene_checks import lightening
+from data_schemas.scene_conditions import lightening
 from pipeline.ledger.eotvos import eotvos
 
 KNOT = 1852.0 / 3600.0

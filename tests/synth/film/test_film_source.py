@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from made_films import SMALL, crossings, record_from, record_of, swing
+from made_films import record_from, record_of, swing
 
 import data_schemas
 from data_schemas.errors import RecordError
-from data_schemas.scene_film import Film
 from synth import scene_path, simulate
-from synth.film.layout import dark_stretches, plan_film
-from synth.film.source import Course, source_of
+from synth.film.layout import dark_stretches
+from synth.film.source import Curves, source_of
 
 
 def test_the_curve_between_samples():
     """Degree 5 at 25 samples a period: 2 (1/25)^6 = 8e-9 of the swing away from the ends."""
-    course = Course(source_of(record_of(swing(0.01), seconds=400.0, rate=25.0)), 1 / 128)
+    course = Curves(source_of(record_of(swing(0.01), seconds=400.0, rate=25.0)), 1 / 128)
     for first in (5.0, 150.0, 350.0):
         time = np.linspace(first, first + 30, 1000)
         value, rate = course.at(time)
@@ -29,7 +28,7 @@ def test_uneven_samples():
     time = np.sort(np.unique(np.cumsum(chance.uniform(0.01, 0.05, 2000))))
     record = record_from(time, swing(0.01)(time)[None])
     inside = np.linspace(time[50], time[-50], 3000)
-    value, _ = Course(source_of(record), 1 / 128).at(inside)
+    value, _ = Curves(source_of(record), 1 / 128).at(inside)
     np.testing.assert_allclose(value[0], swing(0.01)(inside), atol=1e-8)
 
 
@@ -43,16 +42,6 @@ def test_stretches_without_samples_are_dark_in_their_trace_alone():
     dark = dark_stretches(source_of(record))
     assert [tuple(np.round(pair, 9)) for pair in dark[0]] == [(1.98, 3.2)]
     assert [tuple(np.round(pair, 9)) for pair in dark[1]] == [(0.0, 0.2), (5.98, 6.02), (7.98, 8.0)]
-
-
-def test_dark_stretches_do_not_depend_on_blocks(monkeypatch):
-    record = record_of(swing(), seconds=8.0)
-    elongation = record["record/elongation"].values
-    elongation[0, np.random.default_rng(1).random(401) < 0.3] = np.nan
-    whole = dark_stretches(source_of(record))
-    monkeypatch.setattr("synth.film.source.BLOCK", 7)
-    assert dark_stretches(source_of(record)) == whole
-    assert len(whole[0]) > 50
 
 
 def test_a_long_pause_between_samples_is_dark():
@@ -91,9 +80,9 @@ def test_a_scene_is_exposed_without_the_defects_of_its_recording():
     source = source_of(scene)
     clean = scene.recording.model_copy(update={"noise": 0.0, "mark_gap": 0.0, "outliers": 0, "outlier_amplitude": 0.0})
     record, _ = simulate(scene.model_copy(update={"recording": clean}))
-    value, _ = Course(source, 1 / 128).at(record["time"].values)
+    value, _ = Curves(source, 1 / 128).at(record["time"].values)
     np.testing.assert_allclose(value, record["record/elongation"].values, atol=1e-12)
-    assert not any(dark_stretches(source))
+    assert not any(each.size for each in dark_stretches(source))
     assert source.traces == ("1", "1-2", "2-3")
 
 
@@ -102,12 +91,3 @@ def test_the_traces_are_those_the_scene_names(make_scene):
     source = source_of(named)
     assert source.traces == ("sum",)
     assert source.combination.tolist() == [[1.0, 1.0]]
-
-
-def test_a_long_scene_is_simulated_in_portions(monkeypatch):
-    scene = data_schemas.load_scene(scene_path("linear")).model_copy(update={"duration": 20.0})
-    film = Film(**SMALL | {"lever": 50.0})
-    kept = crossings(plan_film(source_of(scene), film, 0))
-    monkeypatch.setattr("synth.film.source._KEPT", 0)
-    streamed = crossings(plan_film(source_of(scene), film, 0))
-    np.testing.assert_array_equal(kept, streamed)

@@ -22,10 +22,10 @@ def expanded(roots: list[Fraction]) -> list[Fraction]:
 
 
 def test_every_root_once() -> None:
-    """Double, triple and close ones, one at the upper end, none at the lower (the interval is open there)."""
-    roots = [Fraction(each) for each in (0, 1, 1, 2, 2, 2, 5)] + [1 + Fraction(1, 10**9)]
+    """Double, triple and close ones, and one at either end."""
+    roots = [Fraction(each) for each in (-1, 0, 1, 1, 2, 2, 2, 5, 6)] + [1 + Fraction(1, 10**9)]
     found = real_roots(expanded(roots), Fraction(0), Fraction(5), WIDTH)
-    expected = [1, 1 + Fraction(1, 10**9), 2, 5]
+    expected = [0, 1, 1 + Fraction(1, 10**9), 2, 5]
     assert len(found) == len(expected)
     assert all(abs(one - other) <= WIDTH for one, other in zip(found, expected, strict=True))
 

@@ -10,12 +10,13 @@ from paper_criterion import paper_regime_holds
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
-from synth.huygens.clocks import Clocks, mirrored, of_beam, perturbed, symmetric
+from synth.huygens.clocks import Clocks, mirrored, of_beam, perturbed
 from synth.huygens.locking import chi_of_daily, daily_of_chi, orbit_slope, slope
 from synth.huygens.orbit import carried, orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected
 from synth.integrators.collocation import integrate
 from synth.systems.reduced_beam import ReducedBeam
+from synth.systems.symmetry import symmetric
 
 PAIR = Clocks(0.02, 0.02, COUPLING, (-0.0114, -0.0114))
 ARC = PAIR._replace(swing=0.1)

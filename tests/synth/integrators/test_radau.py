@@ -12,7 +12,7 @@ import pytest
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators import radau, radau_march
 from synth.integrators.radau import Problem, Run, integrate, swing_of_bobs
-from synth.integrators.radau_step import Work, differences, part_step
+from synth.integrators.radau_step import addresses, differences, part_step, space
 from synth.phase import Floats
 from synth.systems.driven_pendulums import plain
 from synth.systems.metronomes import Metronomes
@@ -142,17 +142,13 @@ def test_readings_change_nothing_but_the_readings() -> None:
 @INTERPRETED
 def test_a_part_step_that_cannot_be_solved_says_so() -> None:
     """Its working space held the state: once it was taken for the reading, which came out doubled."""
-    n, s = 1, 3
-    polynomial = np.zeros((s + 1) * n)
-    differences(s, (0,), np.full(s * n, 0.1), polynomial)
-    z, f, g, stack = np.zeros(s * n), np.zeros(s * n), np.zeros(s * n), np.zeros(s * n * n)
-    point, slope, exchanges = np.zeros(n), np.zeros(n), np.zeros(s * n, dtype=np.int64)
-    state, scale = np.ones(n), np.ones(n)
-    for slopes, time in ((np.full(1, np.nan), 0.0), (np.zeros(1), 1.0)):
-        turns = part_step(
-            s, time, 0.5, 0.5, state, scale, 1e-9, slopes, (0,), polynomial,
-            Work(z, f, g, stack, exchanges, point, slope), Cliff(0.5),
-        )  # fmt: skip
+    work = space(np.ones(1))
+    work.z[:3], work.scale[:] = 0.1, 1.0
+    views = addresses(work)
+    differences(3, (0,), views)
+    for slopes, time in ((np.nan, 0.0), (0.0, 1.0)):
+        work.slopes[:] = slopes
+        turns = part_step(3, time, 0.5, 0.5, 1e-9, (0,), views, Cliff(0.5))
         assert turns == 0
 
 

@@ -13,12 +13,15 @@ from synth.integrators.radau_step import (
     DIVERGED,
     NOT_FINITE,
     SOLVED,
-    Work,
+    Space,
+    addresses,
     collocate,
     differences,
     evaluate,
     guess,
+    space,
 )
+from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
 from synth.systems.driven_pendulums import plain
@@ -28,21 +31,38 @@ from tests.synth.integrators.conftest import Cliff, Linear
 STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
 
 
-def _space(stages: int, n: int) -> Work:
-    z, f, g = (np.zeros(stages * n) for _ in range(3))
-    return Work(z, f, g, np.zeros(stages * n * n), np.zeros(stages * n, dtype=np.int64), np.zeros(n), np.zeros(n))
-
-
-def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> tuple[int, Floats]:
-    """Outcome and increments at the nodes of one step solved to rounding."""
+def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> tuple[int, Space]:
+    """Outcome and arrays of one step solved to rounding; its increments at the nodes are `z[:stages]`."""
     n = state.size
-    count, size = (0,) * stages, (0,) * n
-    work = _space(stages, n)
-    slopes = np.zeros((n, n))
-    jacobian(time, state, system, slopes, work.point, work.slope)
-    scale = 1.0 / np.maximum(np.abs(state), 1e-3)
-    outcome, _, _ = collocate(time, step, state, scale, 1e-15, slopes.ravel(), count, size, work, system)
-    return outcome, work.z.reshape(stages, n)
+    arrays = space(state)
+    jacobian(time, arrays.state, system, arrays.slopes, arrays.slope, arrays.other)
+    arrays.scale[:] = 1.0 / np.maximum(np.abs(state), 1e-3)
+    return _collocate(time, step, (0,) * stages, (0,) * n, arrays, system), arrays
+
+
+@kernel
+def _collocate(time: float, step: float, count: Any, size: Any, arrays: Space, system: Any) -> int:
+    return collocate(time, step, 1e-15, count, size, addresses(arrays), system)[0]
+
+
+@kernel
+def _solved(rate: float, pair: complex, size: Any, arrays: Space) -> bool:
+    """Solve the real system for row 0 of `g` and a complex one for rows 1 and 2; False if one of them is singular."""
+    work = addresses(arrays)
+    good = factor(rate, work.slopes, size, work.stack, work.exchanges)
+    good &= factor_pair(1, pair.real, pair.imag, work.slopes, size, work.stack, work.exchanges)
+    solve(size, work.stack, work.exchanges, work.g)
+    solve_pair(1, size, work.stack, work.exchanges, work.g)
+    return good
+
+
+@kernel
+def _read(at: float, stages: int, size: Any, arrays: Space) -> None:
+    """The polynomial at a place of the step, into `other`; then the guess of the same step anew, into `z`."""
+    work = addresses(arrays)
+    differences(stages, size, work)
+    evaluate(at, stages, size, work.polynomial, work.other, 0)
+    guess(stages, stages, 0.0, 1.0, size, work)
 
 
 @pytest.mark.parametrize("n", [1, 3, 6])
@@ -50,24 +70,23 @@ def test_systems_are_solved_with_all_exchanges(n: int) -> None:
     """A dominant anti-diagonal forces an exchange at every stage; forgetting one shows from n = 3 on."""
     random = np.random.default_rng(n)
     slopes = random.normal(size=(n, n)) + 5.0 * np.roll(np.eye(n)[::-1], 1, axis=0)
-    stack, exchanges = np.zeros(3 * n * n), np.zeros(3 * n, dtype=np.int64)
-    right = random.normal(size=(3, n))
-    real, pair = right[0].copy(), right[1] + 1j * right[2]
-    assert factor(0.3, slopes.ravel(), (0,) * n, stack, exchanges)
-    assert factor_pair(1, 0.2, 0.7, slopes.ravel(), (0,) * n, stack, exchanges)
-    solve((0,) * n, stack, exchanges, right.reshape(-1))
-    solve_pair(1, (0,) * n, stack, exchanges, right.reshape(-1))
+    arrays = space(np.zeros(n))
+    real, pair = random.normal(size=n), random.normal(size=n) + 1j * random.normal(size=n)
+    arrays.slopes[:], arrays.g[:3] = slopes, [real, pair.real, pair.imag]
+    assert _solved(0.3, 0.2 + 0.7j, (0,) * n, arrays)
     exact = np.linalg.solve(0.3 * np.eye(n) - slopes, real)
     exact_pair = np.linalg.solve((0.2 + 0.7j) * np.eye(n) - slopes, pair)
-    np.testing.assert_allclose(right[0], exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())  # condition below 1e3
-    np.testing.assert_allclose(right[1] + 1j * right[2], exact_pair, rtol=0.0, atol=1e-12 * np.abs(exact_pair).max())
+    np.testing.assert_allclose(arrays.g[0], exact, rtol=0.0, atol=1e-12 * np.abs(exact).max())  # condition below 1e3
+    np.testing.assert_allclose(
+        arrays.g[1] + 1j * arrays.g[2], exact_pair, rtol=0.0, atol=1e-12 * np.abs(exact_pair).max()
+    )
 
 
 def test_singular_and_infinite_matrices_are_told() -> None:
-    stack, exchanges = np.zeros(12), np.zeros(6, dtype=np.int64)
-    assert not factor(1.0, np.eye(2).ravel(), (0, 0), stack, exchanges)
-    assert not factor(1.0, np.full(4, np.nan), (0, 0), stack, exchanges)
-    assert not factor_pair(1, 1.0, 0.0, np.eye(2).ravel(), (0, 0), stack, exchanges)
+    for slopes, rate, pair in ((np.eye(2), 1.0, 2j), (np.full((2, 2), np.nan), 1.0, 2j), (np.eye(2), 2.0, 1.0 + 0j)):
+        arrays = space(np.zeros(2))
+        arrays.slopes[:] = slopes
+        assert not _solved(rate, pair, (0, 0), arrays)
 
 
 @pytest.mark.parametrize(("stages", "steps"), [(3, 24), (5, 12), (7, 6)])
@@ -79,9 +98,9 @@ def test_order_is_twice_the_stages_less_one(stages: int, steps: int) -> None:
     for number, order in ((30, 7), (steps, stages), (2 * steps, stages)):
         state = np.array([1.0, 0.0])
         for k in range(number):
-            outcome, z = _step(system, k * 1.5 / number, state, 1.5 / number, order)
+            outcome, arrays = _step(system, k * 1.5 / number, state, 1.5 / number, order)
             assert outcome == SOLVED
-            state = state + z[-1]
+            state = state + arrays.z[order - 1]
         if exact is None:
             exact = state
         else:
@@ -93,17 +112,17 @@ def test_order_is_twice_the_stages_less_one(stages: int, steps: int) -> None:
 @STAGES
 def test_a_stiff_component_is_gone_after_one_step(stages: int) -> None:
     """L-stability: |R(z)| tends to s/|z| at most for the Pade approximant (s - 1, s)."""
-    outcome, z = _step(Linear(np.array([[-1e6]])), 0.0, np.array([1.0]), 1.0, stages)
+    outcome, arrays = _step(Linear(np.array([[-1e6]])), 0.0, np.array([1.0]), 1.0, stages)
     assert outcome == SOLVED
-    assert abs(1.0 + z[-1, 0]) < stages * 1.1e-6
+    assert abs(1.0 + arrays.z[stages - 1, 0]) < stages * 1.1e-6
 
 
 @STAGES
 @pytest.mark.parametrize("angle", [0.5, 2.0, 7.0, 50.0])
 def test_an_oscillation_never_grows(stages: int, angle: float) -> None:
     """A-stability on its boundary: |R(i y)| <= 1, and equal to the Pade approximant of the exponential."""
-    outcome, z = _step(Linear(np.array([[0.0, angle], [-angle, 0.0]])), 0.0, np.array([1.0, 0.0]), 1.0, stages)
-    grown = complex(1.0 + z[-1, 0], -z[-1, 1])
+    outcome, arrays = _step(Linear(np.array([[0.0, angle], [-angle, 0.0]])), 0.0, np.array([1.0, 0.0]), 1.0, stages)
+    grown = complex(1.0 + arrays.z[stages - 1, 0], -arrays.z[stages - 1, 1])
     numerator = sum(_pade(stages - 1, stages, k) * (1j * angle) ** k for k in range(stages))
     denominator = sum(_pade(stages, stages - 1, k) * (-1j * angle) ** k for k in range(stages + 1))
     assert outcome == SOLVED
@@ -117,18 +136,16 @@ def _pade(top: int, bottom: int, k: int) -> float:
 
 @STAGES
 def test_the_polynomial_goes_through_its_nodes(stages: int) -> None:
-    outcome, z = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.1, stages)
-    polynomial, increments, point = np.zeros((stages + 1) * 2), np.zeros(stages * 2), np.zeros(2)
-    differences(stages, (0, 0), z.ravel(), polynomial)
+    outcome, arrays = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.1, stages)
     assert outcome == SOLVED
-    evaluate(0.0, stages, (0, 0), polynomial, point, 0)
-    assert np.max(np.abs(point)) < 1e-16
-    guess(stages, stages, 0.0, 1.0, (0, 0), polynomial, increments, point)
-    np.testing.assert_allclose(increments, z.ravel(), rtol=0.0, atol=1e-16)
+    increments = arrays.z.copy()
+    _read(0.0, stages, (0, 0), arrays)
+    assert np.max(np.abs(arrays.other)) < 1e-16
+    np.testing.assert_allclose(arrays.z, increments, rtol=0.0, atol=1e-16)
     # in between it keeps the order s: 0.1^(s + 1) of a solution of size 1 with rates up to 3
     _, half = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.05, stages)
-    evaluate(0.5, stages, (0, 0), polynomial, point, 0)
-    assert abs(point[0] - half[-1, 0]) < 0.3 ** (stages + 1) / 10.0
+    _read(0.5, stages, (0, 0), arrays)
+    assert abs(arrays.other[0] - half.z[stages - 1, 0]) < 0.3 ** (stages + 1) / 10.0
 
 
 def test_a_step_too_long_for_newton_is_told() -> None:

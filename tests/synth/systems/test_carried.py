@@ -112,4 +112,6 @@ def test_absent_motion_is_no_motion_and_present_motion_is_added_as_compiled() ->
     for sine, cosine in ((0.3, -0.8), (-1.0, 0.0)):
         still = weight(sine, cosine, 9.81, None, None)
         assert weight(sine, cosine, 9.81, None, 0.0) == still == weight(sine, cosine, 9.81, 0.0, None)
+    assert (weight(0.5, 0.75, 10.0, None, None), weight(0.5, 0.75, 10.0, 4.0, -2.0)) == (5.0, 7.0)
     assert carried(1.5, 2.0, None) == carried(1.5, 2.0, 0.0) == 1.5
+    assert carried(1.0, 2.0, 3.0) == 7.0

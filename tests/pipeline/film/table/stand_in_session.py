@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from data_schemas.errors import RecordError
 from data_schemas.film_edits import FilmEdits
-from data_schemas.scene_faults import one_line
+from data_schemas.scene_fields import one_line
 
 ROWS, COLUMNS, INTERVAL, PERIOD, OFFSET = 6000, 640, 60, 124.0, 7.0  # px; two marks and a swing are about a second
 

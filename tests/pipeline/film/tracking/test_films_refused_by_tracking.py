@@ -7,9 +7,10 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from pipeline.film.parts import Tracks
-from pipeline.film.tracking import track
+from pipeline.film.tracking.track import checked
 
 ROWS, SPOT = 60, 1.2
+ALONE = np.ones((2, ROWS), np.float32)
 
 
 @pytest.fixture
@@ -23,30 +24,28 @@ def followed() -> Tracks:
 
 
 def test_what_is_read_well_passes(followed: Tracks) -> None:
-    track._refuse_unread(followed)
-    track._refuse_doubles(followed)
+    assert checked(followed, ALONE) is followed
 
 
-def test_a_line_on_which_something_else_lies_is_refused() -> None:
-    misfit = np.ones(ROWS, np.float32)
-    track._refuse_strangers(misfit, 0)
-    misfit[:20] = 9.0
+def test_a_line_on_which_something_else_lies_is_refused(followed: Tracks) -> None:
+    misfit = ALONE.copy()
+    misfit[1, :20] = 9.0
     with pytest.raises(RefusedError, match=r"trace 2 of the film does not look like one line.*at most 4"):
-        track._refuse_strangers(misfit, 1)
+        checked(followed, misfit)
 
 
 def test_a_trace_that_is_hardly_read_is_refused(followed: Tracks) -> None:
     followed.position[1, 3:] = np.nan
     with pytest.raises(RefusedError, match="trace 2 of the film was found but read on 5 %"):
-        track._refuse_unread(followed)
+        checked(followed, ALONE)
     followed.position[:, 3:] = np.nan
     with pytest.raises(RefusedError, match="no swinging trace"):
-        track._refuse_unread(followed)
+        checked(followed, ALONE)
 
 
 def test_two_traces_on_one_line_are_refused(followed: Tracks) -> None:
     followed.course[1] = followed.course[0] + 0.5 * SPOT
     with pytest.raises(RefusedError, match="traces 1 and 2 of the film lie on each other"):
-        track._refuse_doubles(followed)
+        checked(followed, ALONE)
     followed.course[1] = np.nan
-    track._refuse_doubles(followed)
+    checked(followed, ALONE)

@@ -14,7 +14,7 @@ QUIET = np.zeros(3)
 def moved(state, rows, shear=0.0, covariance=None):
     state, spread = state.copy(), np.zeros((6, 6)) if covariance is None else covariance.copy()
     for _ in range(abs(rows)):
-        advance(state, spread, QUIET, float(np.sign(rows)), shear, np.empty((2, 6, 6)))
+        advance(state, spread, QUIET, float(np.sign(rows)), shear)
     return state, spread
 
 
@@ -67,6 +67,6 @@ def test_a_reading_is_weighed_as_least_squares_would():
     seen = np.array([1.0, 0, 0, 1.0, 0, 0])
     after = np.linalg.inv(np.linalg.inv(spread) + np.outer(seen, seen) / 0.3)
     expected = STATE + after @ seen * 2.0 / 0.3
-    correct(state, spread, 2.0, 0.3, 0.0, np.empty((2, 6, 6)))
+    correct(state, spread, 2.0, 0.3, 0.0)
     assert state == pytest.approx(expected)
     assert spread == pytest.approx(after)

@@ -18,7 +18,7 @@ from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
-from pipeline.film.tracking.track import Following, _first_section, track
+from pipeline.film.tracking.track import Following, first_section, follow_traces
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
 FIRST_ROWS = round(8.0 * PERIOD)  # a section, on films that are shorter than usual ones
@@ -43,7 +43,7 @@ def dark() -> tuple[Tiny, Tracks]:
     made = tiny(230, ((BEGIN, 90.0), (BLACK, 215.0)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(probing, "FIRST_ROWS", FIRST_ROWS)
-        return made, track(made.sheet, made.emulsion, count=2)
+        return made, follow_traces(made.sheet, made.emulsion, count=2).checked()
 
 
 def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
@@ -80,7 +80,7 @@ def test_traces_are_followed_from_the_films_start() -> None:
     made = tiny(150, ((0.0, 150.0),))
     late = read_section(made.film.darkness(100, 150), 100, made.optics, PERIOD, 2, least=SURE)
     assert late is not None
-    early = _first_section(made.film, late)
+    early = first_section(made.film, late)
     assert early.first < 40
     rows = early.first + np.arange(early.states.shape[0]) + 0.5
     course = early.states[:, :, 0] + early.states[:, :, 3]
@@ -141,7 +141,7 @@ def test_a_film_with_a_blackout_is_read_on_both_sides(dark: tuple[Tiny, Tracks])
 def test_several_threads_read_what_one_reads(dark: tuple[Tiny, Tracks], monkeypatch: pytest.MonkeyPatch) -> None:
     made, tracks = dark
     monkeypatch.setattr(probing, "FIRST_ROWS", FIRST_ROWS)
-    again = track(made.sheet, made.emulsion, count=2, jobs=2)
+    again = follow_traces(made.sheet, made.emulsion, count=2, jobs=2).checked()
     for field in fields(Tracks):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(tracks, field.name), err_msg=field.name)
 
@@ -164,7 +164,7 @@ def test_names_go_where_the_user_says(dark: tuple[Tiny, Tracks]) -> None:
 def test_grain_alone_is_refused() -> None:
     blank = tiny(56, ())
     with pytest.raises(RefusedError, match="no swinging trace"):
-        track(blank.sheet, blank.emulsion)
+        follow_traces(blank.sheet, blank.emulsion)
 
 
 @pytest.mark.parametrize("rows", [40, 500, 5000])

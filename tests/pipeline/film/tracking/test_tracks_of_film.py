@@ -10,7 +10,7 @@ from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.probing import measure_emulsion
-from pipeline.film.tracking.track import track
+from pipeline.film.tracking.track import follow_traces
 
 pytestmark = pytest.mark.compiled
 ROWS, COLUMNS = 900, 400
@@ -20,7 +20,7 @@ CROSSING = [Swinging(200.0, 60.0, 0.3), Swinging(206.0, 48.0, 2.4)]
 
 def read(image, count=None) -> Tracks:
     sheet = Sheet(image)
-    return track(sheet, measure_emulsion(sheet), count=count)
+    return follow_traces(sheet, measure_emulsion(sheet), count=count).checked()
 
 
 @pytest.fixture(scope="module")

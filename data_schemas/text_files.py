@@ -1,0 +1,158 @@
+"""Text files of anybody's making: ordinary ones of a bounded size alone, for a pipe, a device, /proc may never end."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .contents import shown
+from .errors import FileError, IsochronyError
+
+MOST_BYTES = 1 << 35  # of any file: an hour of film in the finest scan has a thirtieth
+MOST_TEXT = 1 << 28  # bytes of a table: a day at 25 Hz has half of them
+MOST_LINE = 1 << 16  # bytes of a line of it
+MOST_TOML, MOST_PARTS = 1 << 24, 100  # bytes, parts of a key
+_LONG_KEY = re.compile(rb"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){%d}" % MOST_PARTS)
+
+
+def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: type[IsochronyError] = FileError) -> int:
+    """Bytes of a file that may be opened.
+
+    Parameters
+    ----------
+    path : path
+    most : int
+        Bytes that such a file has at most.
+    remedy : str
+        What to give instead.
+    error : type
+        Of the exception.
+
+    Raises
+    ------
+    IsochronyError
+        As `error`: it is not there, no ordinary file, empty, or too large.
+    """
+    name = shown(path, 400)
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError) as fault:  # a name with a null character is a ValueError
+        why = getattr(fault, "strerror", None) or fault
+        raise error(f"{name}: cannot be read ({why}); give the path of an existing file") from None
+    if not stat.S_ISREG(status.st_mode):
+        kind = "a folder" if stat.S_ISDIR(status.st_mode) else "not an ordinary file"
+        raise error(f"{name}: is {kind}; {remedy}")
+    if not status.st_size:
+        raise error(f"{name}: is empty; {remedy}")
+    if status.st_size > most:
+        raise error(f"{name}: has {status.st_size} bytes, more than {most}; {remedy}")
+    return status.st_size
+
+
+def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyError] = FileError) -> str:
+    """Text of a table in UTF-8, whose lines no reader chokes on.
+
+    Raises
+    ------
+    IsochronyError
+        As `error`: see `ordinary_size`; it is no text, or has a line of more than `MOST_LINE` bytes.
+    """
+    ordinary_size(path, MOST_TEXT, remedy, error)
+    name = shown(path, 400)
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as fault:
+        raise error(f"{name}: cannot be read ({fault.strerror}); make the file readable") from None
+    for number, line in enumerate(raw.splitlines(), start=1):
+        if len(line) > MOST_LINE:
+            raise error(f"{name}: line {number} has {len(line)} bytes, more than {MOST_LINE}; {remedy}")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise error(f"{name}: is not UTF-8 text; export it as CSV (UTF-8)")
+    return text
+
+
+def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:
+    """Content of a TOML file that should hold `what` ("a scene"): nothing that could hang, or fill the memory.
+
+    Raises
+    ------
+    error
+        With one line that names the file, what is wrong and the remedy.
+    """
+    import tomllib
+
+    path = Path(path)
+    remedy = f"give the path of {what} in TOML"
+    try:
+        ordinary_size(path, MOST_TOML, remedy, error)
+        raw = path.read_bytes()
+        if _LONG_KEY.search(raw):  # each part is looked up from the first on
+            raise error(f"{path}: is not TOML of {what}: a key of more than {MOST_PARTS} parts; {remedy}")
+        return tomllib.loads(raw.decode("utf-8"))
+    except OSError as failure:
+        raise error(f"{path}: cannot be read ({failure.strerror}); {remedy}") from None
+    except UnicodeDecodeError:
+        raise error(f"{path}: is not text in UTF-8; {remedy}") from None
+    except RecursionError:
+        raise error(f"{path}: is not TOML of {what}: nested too deeply; {remedy}") from None
+    except ValueError as failure:  # of TOML, a number too long to be one, or a path that cannot be
+        raise error(f"{path}: is not TOML: {' '.join(str(failure).split())}") from None
+
+
+def toml_text(content: Mapping[str, Any]) -> str:
+    """A mapping of text, numbers, truth values, flat lists, tables and lists of tables as TOML.
+
+    What is None is left out. Reading it back gives the same values.
+
+    Examples
+    --------
+    >>> print(toml_text({"a": 1.0, "b": None, "c": [{"d": "e", "f": {"1": 1.0, "2": -1.0}}], "g": {"h": True}}), end="")
+    a = 1.0
+    <BLANKLINE>
+    [[c]]
+    d = "e"
+    f = { "1" = 1.0, "2" = -1.0 }
+    <BLANKLINE>
+    [g]
+    h = true
+    """
+    lines, tables = [], []
+    for name, value in content.items():
+        if isinstance(value, Mapping):
+            tables += ["", f"[{_key(name)}]", *_pairs(value)]
+        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
+            for each in value:
+                tables += ["", f"[[{_key(name)}]]", *_pairs(each)]
+        else:
+            lines += _pairs({name: value})
+    return "\n".join(lines + tables) + "\n"
+
+
+def _pairs(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(name)} = {_value(value)}" for name, value in table.items() if value is not None]
+
+
+def _key(name: str) -> str:
+    bare = name.isascii() and name.replace("_", "").replace("-", "").isalpha()
+    return name if bare else _value(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):  # JSON's escapes are TOML's, but for the delete character
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(_pairs(value)) + " }" if value else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(each) for each in value) + "]"
+    return repr(value)

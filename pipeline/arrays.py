@@ -67,6 +67,8 @@ def evened(time: Floats) -> Floats:
     """
     if time.size < LEAST_STAMPS:
         return time
+    if np.abs(time - np.linspace(time[0], time[-1], time.size)).max() < EVEN:
+        return time
     apart = np.diff(time)
     step = float(np.mean(apart[apart < 1.5 * np.median(apart)]))  # less gaps
     rows = np.rint((time - time[0]) / step)

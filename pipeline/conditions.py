@@ -116,19 +116,13 @@ def rate_uncertainty(time: Floats, sigma: Floats) -> float:
 class Tie:
     """Periods of the instrument at the time of the record."""
 
-    period: Floats
-    """(2,) at reference gravity, s."""
-    relative_uncertainty: Floats
-    """(2,) from the occupations' periods and from drift, 1 sigma; zero where nothing is stated."""
-    gravity_uncertainty: float | None
-    """Of the bases' gravity, m s-2."""
-    misclosure: float
+    period: Floats  # (2,) at reference gravity, s
+    relative_uncertainty: Floats  # (2,) from the occupations' periods and from drift, 1 sigma; zero if none is stated
+    gravity_uncertainty: float | None  # of the bases' gravity, m s-2
+    misclosure: float  # after less before, of the second pendulum, as gravity, mGal; NaN with bases on one side only
     misclosure_uncertainty: float
-    """After less before, of the second pendulum, as gravity, mGal; NaN with bases on one side only."""
-    fraction: float
-    """Where the record lies between the two, 0 to 1."""
-    stated: bool
-    """Whether the occupations state any uncertainty."""
+    fraction: float  # where the record lies between the two, 0 to 1
+    stated: bool  # whether the occupations state any uncertainty
 
 
 def tie(constants: Constants, middle: float, reference_gravity: float) -> Tie | None:

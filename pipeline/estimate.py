@@ -16,28 +16,14 @@ COLOUR_SECONDS = 4.0  # length of the blocks in which a residual is compared wit
 
 @dataclass(frozen=True)
 class Budget:
-    """Sensitivities of the frequency of the difference pendulum, all linear.
+    """Sensitivities of the frequency of the difference pendulum, all linear."""
 
-    Attributes
-    ----------
-    noise_difference, noise_theta : float
-        1-sigma of the frequency (rad s-1) per radian of white reading noise in each series.
-    by_ratio : float
-        d n2 / d (n1/n2), rad s-1.
-    by_gain : float
-        d n2 / d ln(gain of the first pendulum's trace), rad s-1.
-    by_damping : float
-        d n2 / d (gamma1 - gamma2).
-    influence : (k,) complex array
-        g of `d n2 = Re sum conj(g) dD` over the envelope's instants, s-1.
-    """
-
-    noise_difference: float
+    noise_difference: float  # 1 sigma of the frequency, rad s-1, per radian of white reading noise in the series
     noise_theta: float
-    by_ratio: float
-    by_gain: float
-    by_damping: float
-    influence: Complexes
+    by_ratio: float  # d n2 / d (n1/n2), rad s-1
+    by_gain: float  # d n2 / d ln(gain of the first pendulum's trace), rad s-1
+    by_damping: float  # d n2 / d (gamma1 - gamma2)
+    influence: Complexes  # (k,) g of `d n2 = Re sum conj(g) dD` over the envelope's instants, s-1
 
 
 @dataclass(frozen=True)

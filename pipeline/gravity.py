@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.correction import NON_ISOCHRONISM
 from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.harmonics.envelope import fill
-from pipeline.ledger import book, non_isochronism
+from pipeline.ledger import book, own
 from pipeline.ledger.entry import DAY, MGAL, Case, Entry, arc_answer
 from pipeline.prepared import Prepared
 
@@ -29,20 +29,13 @@ __all__ = ["DAY", "MGAL", "Entry", "Gravity", "gravity"]
 class Gravity:
     """Gravity of one method."""
 
-    gravity: float
-    """m s-2."""
-    sigma: float
-    """1-sigma, mGal: reading noise and the uncertainties of the ledger's entries, which are independent."""
-    noise: float
-    """1-sigma from the readings alone, mGal."""
-    frequency: tuple[float, float]
-    """n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`."""
-    per_ratio: float
-    """Change of gravity, mGal, for n1/n2 larger by 1e-7."""
-    left_out: float
-    """1-sigma, mGal, of what acts on the pendulums and the method leaves as it is."""
-    given: dict[str, Entry] = field(repr=False)
-    """Entries of the ledger that the record states, name to `Entry`."""
+    gravity: float  # m s-2
+    sigma: float  # 1 sigma, mGal: reading noise and the uncertainties of the ledger's entries, independent
+    noise: float  # 1 sigma from the readings alone, mGal
+    frequency: tuple[float, float]  # n1, n2 after all corrections, rad s-1: `gravity = g_ref (n2/n2_ref)^2`
+    per_ratio: float  # change of gravity, mGal, for n1/n2 larger by 1e-7
+    left_out: float  # 1 sigma, mGal, of what acts on the pendulums and the method leaves as it is
+    given: dict[str, Entry] = field(repr=False)  # entries of the ledger that the record states
     _case: Case = field(repr=False)
 
     @cached_property
@@ -51,7 +44,7 @@ class Gravity:
 
         The parts of the method's own correction are told here, when somebody wants them: gravity does not need them.
         """
-        return book.own(self._case) | self.given
+        return book.own_entries(self._case) | self.given
 
     @cached_property
     def budget(self) -> dict[str, float]:
@@ -106,7 +99,7 @@ def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.
     case = Case(estimate, prepared, gain_uncertainty, scale, by_ratio * seen.frequency_ratio, 2.0 * plain / MGAL)
     value, given = book.given(case)
     noise, left = scale * estimate.sigma, left_out(case)
-    parts = [noise, left, non_isochronism.uncertainty(case), *(entry.sigma for entry in given.values())]
+    parts = [noise, left, own.uncertainty(case), *(entry.sigma for entry in given.values())]
     n2 = prepared.nominal * float(np.sqrt(value / seen.reference_gravity))
     return Gravity(
         gravity=value,

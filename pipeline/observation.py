@@ -234,11 +234,11 @@ def epoch_of(record: DataTree) -> dict[str, float]:
 
 def clock_of(record: DataTree) -> dict[str, float]:
     """Uncertainty of the clock's rate by that of the times, relative, 1 sigma, where the record states it."""
-    stated = record["record"].dataset.get("time_uncertainty")
-    if stated is None:
+    traces = record["record"].dataset
+    if "time_uncertainty" not in traces:
         return {}
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    return {"time_uncertainty": rate_uncertainty(time, np.asarray(stated.values, dtype=np.float64))}
+    return {"time_uncertainty": rate_uncertainty(time, np.asarray(traces["time_uncertainty"].values, dtype=np.float64))}
 
 
 def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:

@@ -42,18 +42,10 @@ CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the
 
 @dataclass(frozen=True)
 class Prepared:
-    """An observation made ready; intermediates are made once, when a method asks for them.
-
-    Attributes
-    ----------
-    observation : Observation
-        As it was read.
-    noise_theta, noise_difference : float
-        White noise of either series that neighbours leave unexplained, rad (NaN = could not be estimated).
-    """
+    """An observation made ready; intermediates are made once, when a method asks for them."""
 
     observation: Observation
-    noise_theta: float = float("nan")
+    noise_theta: float = float("nan")  # white noise that neighbours leave unexplained, rad; NaN = not estimated
     noise_difference: float = float("nan")
 
     @property

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pipeline.arrays import Complexes, Floats, unwrapped
 from pipeline.correction import NON_ISOCHRONISM, PARTS, by_periods, of_real_pendulums
@@ -180,10 +181,8 @@ def _shifts(prepared: Prepared, reduction: Reduction, own: Prepared | None) -> M
 def model_of_harmonics(prepared: Prepared, time: Floats) -> Floats:
     """Difference as its harmonic and slow part have it at times from the first sample that is used, s; else NaN."""
     envelope = prepared.sliding
-    turn = envelope.carrier * time
-    model: Floats = np.interp(time, envelope.time, envelope.difference.real) * np.cos(turn)
-    model -= np.interp(time, envelope.time, envelope.difference.imag) * np.sin(turn)
-    model += np.interp(time, envelope.time, envelope.slow[1])
+    swing = np.interp(time, envelope.time, envelope.difference) * np.exp(1j * envelope.carrier * time)
+    model: Floats = swing.real + np.interp(time, envelope.time, envelope.slow[1])
     model[(time < envelope.time[0]) | (time > envelope.time[-1])] = np.nan
     return model
 
@@ -197,8 +196,8 @@ def spectrum(time: Floats, residual: Floats) -> tuple[dict[str, Any], dict[str, 
     laid[row], there[row] = np.where(good, residual - (residual[good].mean() if good.any() else 0.0), 0.0), good
     size = min(SPECTRUM, laid.size)
     taper = np.hanning(size + 1)[:size]
-    begins = range(0, laid.size - size + 1, max(1, size // 2))
-    power = sum(np.abs(np.fft.rfft(taper * laid[begin : begin + size])) ** 2 for begin in begins)
-    weight = sum(float(taper**2 @ there[begin : begin + size]) for begin in begins)
-    density = 2.0 * step * np.asarray(power) / max(weight, 1e-300)
+    segments, present = (sliding_window_view(each, size)[:: max(1, size // 2)] for each in (laid, there))
+    power = np.sum(np.abs(np.fft.rfft(taper * segments)) ** 2, axis=0)
+    weight = float(np.sum(present @ taper**2))
+    density = 2.0 * step * power / max(weight, 1e-300)
     return {"residual_spectrum": density}, {"frequency": np.fft.rfftfreq(size, step)}

@@ -52,17 +52,12 @@ class Parts:
     """What a result is made from."""
 
     record: DataTree
-    prepared: Prepared
-    """That phases and corrections are drawn from."""
-    own: Prepared | None
-    """That which methods of one difference looked at, where it is another one."""
-    reductions: Sequence[Reduction]
-    """In the order they were asked for."""
+    prepared: Prepared  # that phases and corrections are drawn from
+    own: Prepared | None  # that which methods of one difference looked at, where it is another one
+    reductions: Sequence[Reduction]  # in the order they were asked for
     joint: Joint | None
-    full: bool
-    """Whether what is costly is laid out too: the pendulums' angles at the record's own times."""
-    bare: bool = False
-    """Whether gravity alone is laid out."""
+    full: bool  # whether the pendulums' angles at the record's own times are laid out too
+    bare: bool = False  # whether gravity alone is laid out
 
 
 def build_result(parts: Parts, started: float) -> DataTree:
@@ -78,7 +73,8 @@ def build_result(parts: Parts, started: float) -> DataTree:
         groups = {"/": Dataset(coords={"time": ("time", gravity["epoch"].values[:1], of_time)}), "/gravity": gravity}
     else:
         groups = _of_time(parts, components, names, gravity)
-    tree = DataTree.from_dict(groups)
+    tree = DataTree(groups.pop("/"))
+    tree.children = {path.strip("/"): DataTree(group) for path, group in groups.items()}  # `from_dict` copies twice
     tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
     tree.attrs["numbers_sha256"] = numbers_sha256(tree)
     return tree

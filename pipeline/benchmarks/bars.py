@@ -2,17 +2,18 @@
 
 Cost is that of methods beside a Hilbert transform, of the command line beside its imports, and what is imported in
 vain. Times are processor times; rivals take turns in one run, and a bar is the median of the ratios, with their range.
-
-What whole suites promise is in their own rows: `corrections`, `paper`, `stability`, `integrators`, `film`, `batch`.
+Of the joint fit: its scatter over the Cramer-Rao bound; whether its sigma holds is what the suite `honesty` promises.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import statistics
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,14 @@ import numpy as np
 
 import data_schemas
 from data_schemas.scene import Scene
-from pipeline.benchmarks import bars_joint
+from pipeline.benchmarks.honesty.kinds import Case
+from pipeline.benchmarks.honesty.records import of_case
+from pipeline.benchmarks.honesty.suite import reduced
 from pipeline.benchmarks.paper import marks_error, neglected_terms, plain_error
 from pipeline.benchmarks.scenes import (
     beats_through_zero,
     linear,
+    made,
     outcome,
     prepared,
     real,
@@ -34,17 +38,34 @@ from pipeline.benchmarks.scenes import (
     resonant,
     swell,
 )
-from pipeline.benchmarks.tables import Row, at_most, command, hilbert, holds, reported, rounds, times
-from pipeline.methods import PAIR_METHODS, method
+from pipeline.benchmarks.tables import Row, at_most, command, hilbert, holds, of_few, progress, reported, rounds, times
+from pipeline.joint.fit import reduce
+from pipeline.joint.gather import gather
+from pipeline.methods import PAIR_METHODS
 from pipeline.observation import observe
 from pipeline.prepared import prepare
+from pipeline.processing import process
 from pipeline.reduction import reduce_by
 from synth import simulate
 
-DURATION = 1800.0
-"""s, at 25 Hz."""
-FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")
-"""What no method of one difference may import."""
+COUNT, QUICK_COUNT = 400, 8
+RATES = (25, 10, 5, 4, 2)  # Hz
+BOUNDS: Mapping[str, tuple[float, ...]] = {
+    "linear": (0.0316980921, 0.0501202281, 0.0708831895, 0.0792508909, 0.111878254),
+    "real": (0.0245343721, 0.0387933829, 0.0548654326, 0.0613436888, 0.0871394364),
+}
+"""Cramer-Rao bound of gravity at these rates, mGal, noise 1e-4 rad: from the Fisher matrix of n2 with the first
+pendulum's motion unknown, which the tests compute. It is that of linear pendulums of the same arcs and swell: what arcs
+tell besides is less than the scatter of the fits."""
+BASE = Case(duration=1800.0, rate=25.0, noise=3e-5, swell=(0.015, 0.02), states_heave=True)
+FITS: Mapping[str, tuple[Case, float, float, float]] = {
+    "linear": (Case(rate=25.0, linear=True), 4.0, 40.0, 250.0),
+    "heave recorded": (BASE, 8.0, 120.0, 800.0),
+    "heave not recorded": (replace(BASE, states_heave=False), 25.0, 400.0, 2300.0),
+}
+"""Largest CPU time of one pass and of a whole fit, in chains of hilbert + unwrap + polyfit; of a whole record, ms."""
+DURATION = 1800.0  # s, at 25 Hz
+FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")  # what no method of one difference may import
 OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")
 """What a scene of linear pendulums under harmonics may not import."""
 # xarray imports dask wherever it is installed, so it is hidden: ours must not
@@ -60,47 +81,38 @@ data_schemas.write(result, sys.argv[1] + '.result.nc', overwrite=True)"""
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield every bar. Quick: fewer seeds, with limits as much wider as chance asks."""
-    yield from _wrong_by_nature()
-    yield from _through_zero()
-    yield from _nonlinear()
-    yield from _browne()
-    yield from bars_joint.rows(quick=quick)
+    yield from accuracy()
+    yield from efficiency(QUICK_COUNT if quick else COUNT)
     yield from costs(quick=quick)
 
 
-def _wrong_by_nature() -> Iterator[Row]:
-    """Methods that are wrong must be wrong by what physics says, within 1 %."""
+def accuracy() -> Iterator[Row]:
+    """Wrong methods err by what physics says, within 1 %; exact ones do not, in heave and swell and near resonance."""
     scene = linear()
-    found = reduce_all(scene, ("vening-meinesz", "uncorrected"))
+    outcomes = reduce_all(scene, ("vening-meinesz", "uncorrected"))
     for name, expected, source in (
         ("vening-meinesz", marks_error(scene), "(14) on truth"),
         ("uncorrected", plain_error(scene), "the true phase's slope"),
     ):
-        off = abs(found[name].error / expected - 1.0)
-        yield at_most(f"linear: {name} {found[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
+        off = abs(outcomes[name].error / expected - 1.0)
+        yield at_most(f"linear: {name} {outcomes[name].error:.4g} mGal, off {source} {expected:.4g} by", off, 0.01)
     ready = prepared(linear(damping_rates=(0.0, 0.0), write_restoring=False, write_damping=False))
     error = outcome(reduce_by("general", ready, 0.0), scene.gravity).error
     expected = -neglected_terms(ready)["finite_arc"]
     off = abs(error / expected - 1.0)
     yield at_most(f"linear, nothing stated: general {error:.4g} mGal, off its arc terms {expected:.4g} by", off, 0.01)
-
-
-def _through_zero() -> Iterator[Row]:
-    found = reduce_all(beats_through_zero(), ("projection", "panteleev"))
-    yield at_most("beats through zero: projection", abs(found["projection"].error), 1e-2, "mGal")
-    flagged = "beats-through-zero" in found["projection"].flags
+    outcomes = reduce_all(beats_through_zero(), ("projection", "panteleev"))
+    yield at_most("beats through zero: projection", abs(outcomes["projection"].error), 1e-2, "mGal")
+    flagged = "beats-through-zero" in outcomes["projection"].flags
     yield holds("beats through zero: projection carries the flag", flagged, "flag beats-through-zero")
-    yield holds("beats through zero: panteleev declines", bool(found["panteleev"].refusal), "refused")
-
-
-def _nonlinear() -> Iterator[Row]:
-    """Real pendulums in heavy swell and near-resonant vibration, and in heave that is recorded."""
-    found = reduce_all(real(motion=[swell(), resonant(1e-5)]), ("shooting", "general"))
-    yield at_most("nonlinear: shooting", abs(found["shooting"].error), 0.005, "mGal")
-    yield at_most("nonlinear: general", abs(found["general"].error), 0.1, "mGal")
-    found = reduce_all(real_heave(), ("shooting", "general"))
-    yield at_most("nonlinear, heave recorded: shooting", abs(found["shooting"].error), 0.005, "mGal")
-    yield reported("nonlinear, heave recorded: general", abs(found["general"].error), "mGal")
+    yield holds("beats through zero: panteleev declines", bool(outcomes["panteleev"].refusal), "refused")
+    outcomes = reduce_all(real(motion=[swell(), resonant(1e-5)]), ("shooting", "general"))
+    yield at_most("nonlinear: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
+    yield at_most("nonlinear: general", abs(outcomes["general"].error), 0.1, "mGal")
+    outcomes = reduce_all(real_heave(), ("shooting", "general"))
+    yield at_most("nonlinear, heave recorded: shooting", abs(outcomes["shooting"].error), 0.005, "mGal")
+    yield reported("nonlinear, heave recorded: general", abs(outcomes["general"].error), "mGal")
+    yield from _browne()
 
 
 def _browne() -> Iterator[Row]:
@@ -110,42 +122,90 @@ def _browne() -> Iterator[Row]:
         shifts, left = [], []
         for phase in (0.0, math.pi):  # what a wave does at the ends of the record has its sign
             wave = {"kind": "harmonics", "axis": axis, "amplitude": [0.1], "period": [10.0], "phase": [phase]}
-            found = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
-            shifts.append(found["projection"].error - rest)
-            left.append(abs(found["shooting"].error))
+            outcomes = reduce_all(real(motion=[wave], vertical_acceleration=True), ("projection", "shooting"))
+            shifts.append(outcomes["projection"].error - rest)
+            left.append(abs(outcomes["shooting"].error))
         shift, bar = float(np.mean(shifts)), f"Browne, 0.1 m/s2 at 10 s, {axis}"
         yield at_most(f"{bar}: seen {shift:.3f} mGal, off {expected} by", abs(shift - expected), 0.02, "mGal")
         yield at_most(f"{bar}: left by shooting", max(left), 0.02, "mGal")
 
 
+def efficiency(count: int) -> Iterator[Row]:
+    """Scatter of `joint` over the Cramer-Rao bound, from 25 readings a swing to half-second marks; refusals count."""
+    for words, make in (("linear", linear), ("real", real)):
+        for rate, bound in zip(RATES, BOUNDS[words], strict=True):
+            scene, errors = make(1e-5, noise=1e-4, sampling_rate=rate), []
+            for seed in progress(range(count), f"{words} at {rate} Hz", count):
+                drawn = int(np.random.default_rng([seed, 1958]).integers(2**31))
+                row = reduced(made(scene.model_copy(update={"seed": drawn})), "auto")
+                errors.append(math.inf if row["refused"] else row["error_mgal"])
+            rmse = math.sqrt(statistics.fmean(error**2 for error in errors))
+            bar = f"joint, {words} pendulums, {rate} Hz: RMSE/CRLB ({bound:.4f} mGal) of {count}"
+            yield at_most(bar, rmse / bound, of_few(1.1, count, COUNT))
+
+
 def costs(*, quick: bool) -> Iterator[Row]:
     """Yield the bars of cost."""
     repeats = 7 if quick else 15
-    yield from _estimation(linear(duration=DURATION), {"projection": 1.0}, 1e-6, repeats)
-    yield from _estimation(real(duration=DURATION), {"shooting": 3.9, "general": 2.0}, 1e-5, repeats)
+    yield from _estimation(linear(duration=DURATION), 1e-6, repeats)
+    yield from _estimation(real(duration=DURATION), 1e-5, repeats)
+    yield from _fits(5 if quick else 15)
     with tempfile.TemporaryDirectory() as name:
-        path = Path(name) / "linear.record.nc"
-        data_schemas.write(simulate(linear(duration=DURATION))[0], path)
+        path, record = Path(name) / "linear.record.nc", simulate(linear(duration=DURATION))[0]
+        yield _whole(record, "projection", "linear", 60.0, repeats)
+        data_schemas.write(record, path)
         yield from _start_up(path, 3 if quick else 9)
-        found = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
-        yield at_most("process, methods of one difference: imports in vain", len(found), 0.0, " ".join(found))
-    found = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
-    yield at_most("simulate, linear pendulums: imports of other terms", len(found), 0.0, " ".join(found))
+        loaded = in_vain(modules(_PROCESS, str(path), ",".join(PAIR_METHODS)), FORBIDDEN)
+        yield at_most("process, methods of one difference: imports in vain", len(loaded), 0.0, " ".join(loaded))
+    loaded = in_vain(modules(_SIMULATE, linear(duration=60.0).model_dump_json()), OF_OTHER_TERMS)
+    yield at_most("simulate, linear pendulums: imports of other terms", len(loaded), 0.0, " ".join(loaded))
 
 
-def _estimation(scene: Scene, limits: dict[str, float], exact: float, repeats: int) -> Iterator[Row]:
-    """Methods against hilbert + unwrap + polyfit on the same samples; the first must be exact besides."""
-    seen = observe(simulate(scene)[0])
-    calls: dict[str, Callable[[], Any]] = {
-        name: partial(lambda name: method(name)(prepare(seen)), name) for name in limits
-    }
-    taken = rounds({"hilbert": partial(hilbert, seen.difference)} | calls, repeats, batch=5)
-    words = f"{seen.time.size} samples"
-    for name, limit in limits.items():
-        yield times(f"{name}, {words}: times hilbert + unwrap + polyfit", taken[name], taken["hilbert"], limit)
-    first = next(iter(limits))
-    error = outcome(reduce_by(first, prepare(seen), 0.0), scene.gravity).error
-    yield at_most(f"{first}, {words}: error, noise-free", abs(error), exact, "mGal")
+def _estimation(scene: Scene, exact: float, repeats: int) -> Iterator[Row]:
+    """`process` by the exact method, gravity alone and all of a result, against hilbert + unwrap + polyfit."""
+    name = "shooting" if scene.restoring == "sine" else "projection"
+    record = simulate(scene)[0]
+    seen = observe(record)
+    calls: dict[str, Callable[[], Any]] = {"chain": partial(hilbert, seen.difference)}
+    calls |= {of: partial(process, record, method=name, quantities=of) for of in ("gravity", "all")}
+    taken = rounds(calls, repeats, batch=5)
+    for of, limit in (("gravity", 2.0), ("all", 6.0)):
+        bar = f"process by {name}, {of}, {seen.time.size} samples: chains of hilbert + unwrap + polyfit"
+        yield times(bar, taken[of], taken["chain"], limit if name == "projection" else None)
+    error = outcome(reduce_by(name, prepare(seen), 0.0), scene.gravity).error
+    yield at_most(f"{name}, {seen.time.size} samples: error, noise-free", abs(error), exact, "mGal")
+
+
+def _fits(repeats: int) -> Iterator[Row]:
+    """A pass of the joint fit and a whole one, beside hilbert + unwrap + polyfit on as many samples; a whole record."""
+    for name, (case, one, whole, spent) in FITS.items():
+        record = of_case(case, np.random.default_rng(1958), name).tree
+        gathered = gather(record)
+        best = reduce(gathered).fit
+        model = best.model
+        calls: dict[str, Callable[[], object]] = {
+            "chain": partial(hilbert, model.problem.lattice.value[:45000]),
+            "pass": partial(model.problem.run, model.assumed, model.constants, about=best.path),
+            "fit": partial(reduce, gathered),
+        }
+        taken = rounds(calls, repeats)
+        for key, limit in (("pass", one), ("fit", whole)):
+            yield times(f"joint, {name}, 45000 samples: {key}, chains", taken[key], taken["chain"], limit)
+        yield _whole(record, "joint", name, spent, repeats)
+
+
+def _whole(record: Any, method: str, name: str, limit: float, repeats: int) -> Row:
+    """Processor time of a record as a batch has it: read, reduced, written."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "a.record.nc", Path(folder) / "a.result.nc"
+        data_schemas.write(record, source)
+
+        def once() -> None:
+            data_schemas.write(process(data_schemas.read(source), method=method), target, overwrite=True)
+
+        taken = [1e3 * each for each in rounds({"own": once}, repeats)["own"]]
+    bar = f"{method}, {name}: a record read, reduced, written"
+    return at_most(bar, statistics.median(taken), limit, f"ms, {min(taken):.3g} to {max(taken):.3g}")
 
 
 def _start_up(path: Path, repeats: int) -> Iterator[Row]:
@@ -153,7 +213,7 @@ def _start_up(path: Path, repeats: int) -> Iterator[Row]:
     process = ("process", str(path), "--method", "projection", "-o", str(path.with_suffix(".result")), "--force")
     for label, words, imports, limit in (
         ("isochrony --help", ("--help",), "import numpy", 3.0),
-        ("isochrony process", process, "import numba, xarray, h5netcdf", 2.5),
+        ("isochrony process", process, "import numba, xarray, scipy.signal", 0.6),
     ):
         rivals = (command(sys.executable, *each) for each in (("-m", "pipeline.cli", *words), ("-c", imports)))
         taken = rounds(dict(zip(("own", "rival"), rivals, strict=True)), repeats)

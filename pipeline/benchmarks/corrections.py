@@ -26,13 +26,12 @@ from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.honesty.suite import reduced
 from pipeline.benchmarks.pictures import draw_corrections
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Kept, Row, progress, write
+from pipeline.benchmarks.tables import Row, kept, progress, write
 from pipeline.methods import PAIR_METHODS
 from pipeline.processing import process
 from synth import simulate
 
-SWELLS = (24, 25, 26, 27, 28, 29)
-"""Seeds of the swell; the records that are shown have the first."""
+SWELLS = (24, 25, 26, 27, 28, 29)  # seeds of the swell; the records that are shown have the first
 _EXACT = {"projection": 1e-3, "complex": 1e-2}
 _INTEGRATED = _EXACT | {"panteleev": 1e-2, "general": 1e-2}
 _PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general")
@@ -47,19 +46,19 @@ REPEATS = 3  # timed runs of each method in a full run
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield a row a kind of record (error of each method, mGal), a row a refusal with its reason, and a row a method
-    (run time and errors over all records).
+    (CPU time and errors over all records).
 
     Quick: shorter records of real pendulums, each method timed once.
     """
-    kept, repeats = Kept(folder), 1 if quick else REPEATS
+    repeats = 1 if quick else REPEATS
     points: list[Row] = []
     chosen = kinds(quick=quick)
     for kind in progress(chosen, "corrections", len(chosen)):
-        rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, repeats, kept)]
-        others = [measured(kind, seed, tuple(kind.wrong), 1, kept) for seed in SWELLS[1:]] if kind.wrong else []
+        rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, repeats, folder)]
+        others = [measured(kind, seed, tuple(kind.wrong), 1, folder) for seed in SWELLS[1:]] if kind.wrong else []
         points += rows
         yield judged(kind, rows, others)
-    yield from refusals(points)
+    yield from ({key: row[key] for key in ("case", "method", "refused")} for row in points if row["refused"])
     yield from summary(points)
     if folder is not None:
         write(folder / "corrections-points.csv", points)
@@ -67,25 +66,24 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
             draw_corrections(points, folder / "corrections.png")
 
 
-def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, kept: Kept) -> list[Row]:
-    """Rows of one record, one a method; a record that was kept is read, another is computed and kept."""
-    what = {"suite": "corrections", "kind": kind.name, "seed": seed}
-    configuration = {**what, "repeats": repeats, "methods": list(methods)}
-    rows = kept.get(configuration)
-    if rows is None:
+def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, folder: Path | None) -> list[Row]:
+    """Error against truth, sigma, CPU time from record to result of each method, or why it declined."""
+
+    def make() -> list[Row]:
         made = kind.record(seed)
-        rows = [_timed(made, name, repeats) for name in methods]
-        kept.put(configuration, rows)
-    return rows
+        return [_timed(made, name, repeats) for name in methods]
+
+    what = {"suite": "corrections", "kind": kind.name, "seed": seed, "repeats": repeats, "methods": list(methods)}
+    return kept(folder, what, make)
 
 
 def _timed(made: Made, name: str, repeats: int) -> Row:
-    """Error against truth, sigma, warm run time from record to result, or why the method declined."""
     _compile(name)
     runs = [reduced(made, name) for _ in range(repeats)]
     taken = math.nan if runs[0]["refused"] else 1e3 * statistics.median(each["seconds"] for each in runs)
-    kept = {key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")}
-    return {"method": name, "ms": taken, **kept}
+    return {"method": name, "ms": taken} | {
+        key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")
+    }
 
 
 @functools.cache
@@ -120,24 +118,24 @@ def silently_wrong(row: Row) -> bool:
     return not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + PROMISED[row["method"]]
 
 
-def refusals(points: Sequence[Row]) -> list[Row]:
-    """One row for each method and record that it declined, with the reason."""
-    return [{key: row[key] for key in ("case", "method", "refused")} for row in points if row["refused"]]
-
-
 def summary(points: Sequence[Row]) -> list[Row]:
     """One row a method over all records."""
     table = []
     for name in METHODS:
         rows = [row for row in points if row["method"] == name]
-        errors = [abs(row["error_mgal"]) for row in rows if not row["refused"]]
-        times = [row["ms"] for row in rows if not row["refused"]]
-        middle = {"median_ms": times, "median_error_mgal": errors}
-        medians = {key: statistics.median(values or [math.nan]) for key, values in middle.items()}
-        counts = {"flagged": "flags", "declined": "refused"}
-        counted = {key: sum(bool(row[of]) for row in rows) for key, of in counts.items()}
-        worst = {"worst_error_mgal": max(errors, default=math.nan)}
-        table.append({"method": name, **medians, **worst, **counted, "records": len(rows)})
+        values = [row for row in rows if not row["refused"]]
+        errors = [abs(row["error_mgal"]) for row in values]
+        table.append(
+            {
+                "method": name,
+                "median_ms": statistics.median([row["ms"] for row in values] or [math.nan]),
+                "median_error_mgal": statistics.median(errors or [math.nan]),
+                "worst_error_mgal": max(errors, default=math.nan),
+                "flagged": sum(bool(row["flags"]) for row in rows),
+                "declined": len(rows) - len(values),
+                "records": len(rows),
+            }
+        )
     return table
 
 
@@ -146,16 +144,12 @@ class Kind:
     """One kind of record."""
 
     name: str
-    record: Callable[[int], Made]
-    """Of the seed of the swell."""
-    right: Mapping[str, float] = field(default_factory=dict)
-    """Largest error, mGal, of the methods that are right here."""
+    record: Callable[[int], Made]  # of the seed of the swell
+    right: Mapping[str, float] = field(default_factory=dict)  # largest error, mGal, of the methods that are right here
     wrong: Mapping[str, float] = field(default_factory=dict)
     """Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found."""
-    refused: tuple[str, ...] = ()
-    """Methods that may decline: a phase means nothing where the amplitude vanishes."""
-    real: bool = False
-    """Real pendulums, where a value of the methods made for them must hold within its sigma."""
+    refused: tuple[str, ...] = ()  # methods that may decline: a phase means nothing where the amplitude vanishes
+    real: bool = False  # real pendulums, where a value of the methods made for them must hold within its sigma
 
 
 def kinds(*, quick: bool) -> list[Kind]:

@@ -10,6 +10,7 @@ import importlib.util
 import math
 import time
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.benchmarks.pictures import draw_locking, draw_regime
-from pipeline.benchmarks.tables import Kept, Row, progress
+from pipeline.benchmarks.tables import Row, kept, progress
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope
@@ -26,19 +27,17 @@ from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
 from synth.huygens.slow_flow import stability
 from synth.integrators.collocation import integrate, integrate_ensemble
 
-WAYS = ("paper", "corrected chain", "balance", "orbit", "motion")
-DRIVE = 0.02
-"""delta, of which the paper gives none."""
+KEYS = ("beta", "q", "tau", "k")
+"""Of a regime: detuning of the frequency, amplitude of the beam, detuning of the clocks, slope d eta/d chi."""
+DRIVE = 0.02  # delta, of which the paper gives none
 _A_SWING = 16  # readings
 
-EDGE = 0.08
-"""Asked of the leading order's edge, relative; the map's own step comes on top."""
+EDGE = 0.08  # asked of the leading order's edge, relative; the map's own step comes on top
 FULL, QUICK = 64, 12
 """Rows and columns of the map."""
 SWINGS = 2000
 TAUS = (-0.06, 0.06)
-MOST_CHI = 1.3 * COUPLING / 0.02
-"""Of the map: beyond the tip of the tongue."""
+MOST_CHI = 1.3 * COUPLING / 0.02  # of the map: beyond the tip of the tongue
 _TOLERANCE = 1e-7
 _SECTIONS = 201
 _STILL = 0.3  # rad: psi of locked clocks in the last part moves less
@@ -53,7 +52,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     curves = rows(ALPHAS[2::4] if quick else ALPHAS)
     yield from curves
     size = QUICK if quick else FULL
-    chis, taus, locked = lock_map(size, Kept(folder))
+    chis, taus, locked = lock_map(size, folder)
     borders = edges(chis, taus, locked)
     yield from borders
     yield from claims(curves, borders, float(chis[1] - chis[0]))
@@ -82,8 +81,8 @@ def rows(alphas: Sequence[float]) -> list[Row]:
 
 def closed(alpha: float) -> list[Row]:
     """Rows of the ways that are formulas: the paper's and the corrected chain."""
-    ways = zip(WAYS, (printed(alpha), corrected(alpha, DRIVE)), strict=False)
-    return [_row(way, alpha, chain.beta, chain.q, chain.tau, chain.slope) for way, chain in ways]
+    ways = {"paper": printed(alpha), "corrected chain": corrected(alpha, DRIVE)}
+    return [_row(way, alpha, chain.beta, chain.q, chain.tau, chain.slope) for way, chain in ways.items()]
 
 
 def clocks_of(chain: Chain) -> Clocks:
@@ -120,9 +119,8 @@ def _of(regime: Regime, way: str, clocks: Clocks, k: float) -> Row:
     return _row(way, 0.5 * sum(regime.alpha), regime.beta, regime.q, clocks.mean_detuning, k)
 
 
-def _row(way: str, alpha: float, beta: Any, q: Any, tau: Any, k: Any) -> Row:
-    values = {"alpha": alpha, "beta": beta, "q": q, "tau": tau, "k": k}
-    return {"way": way, **{name: float(value) for name, value in values.items()}, "stable": None}
+def _row(way: str, alpha: float, *values: Any) -> Row:
+    return {"way": way, "alpha": alpha, **dict(zip(KEYS, map(float, values), strict=True)), "stable": None}
 
 
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
@@ -153,7 +151,7 @@ def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row
 
 def _quadrature() -> tuple[float, float, bool]:
     """Growth per z of the slowest perturbation, and that it is below zero."""
-    pair = Clocks(0.02, 0.02, COUPLING, (-0.0114, -0.0114))
+    pair = _pair(-0.0114)
     found = next(each for each in solutions(pair, shifts=True) if each.q == 0.0)
     growth = stability(found, pair).growth
     return growth, 0.0, growth < 0.0
@@ -168,42 +166,48 @@ def _claim(said: str, value: float, limit: float | None, holds: bool | None) -> 
     return {"claim": said, "value": float(value), "limit": limit, "pass": holds}
 
 
-def lock_map(size: int, kept: Kept) -> tuple[Floats, Floats, list[Row]]:
+def lock_map(size: int, folder: Path | None) -> tuple[Floats, Floats, list[Row]]:
     """Chi across, tau up, and a row for each tau: whether each pair locked, and CPU time.
 
     Clocks begin a tenth of a radian off quadrature and swing 2,000 times. Locked is who has not slipped in the last
     third: slips that take longer than all of it are not seen, which widens the narrow ends of the tongue.
     """
     taus, chis = np.linspace(*TAUS, size), np.linspace(0.0, MOST_CHI, size + 1)[1:]
-    times = np.linspace(0.0, 2.0 * math.pi * SWINGS, _SECTIONS)
     rows = []
     for tau in progress(taus.tolist(), "lock map", size):
-        pair = Clocks(0.02, 0.02, COUPLING, (tau, tau))
-        configuration = {"map": "lock", "clocks": pair, "chi": chis.tolist(), "swings": SWINGS}
-        found = kept.get(configuration)
-        if found is None:
-            started = time.process_time()
-            starts = np.tile([0.0, 0.0, 2.0, 0.0, 0.2, 1.98], (size, 1))
-            systems = [pair.detuned(chi).small() for chi in chis.tolist()]
-            states = integrate_ensemble(systems, starts, times, tolerance=_TOLERANCE)
-            turned = np.arctan2(-states[:, :, 3::2], states[:, :, 2::2])
-            psi = np.unwrap(turned[:, :, 0] - turned[:, :, 1], axis=1)
-            locked = np.ptp(psi[:, 2 * _SECTIONS // 3 :], axis=1) < _STILL
-            found = [{"tau": tau, "locked": locked.astype(int).tolist(), "cpu_s": time.process_time() - started}]
-            kept.put(configuration, found)
-        rows += found
+        configuration = {"map": "lock", "clocks": _pair(tau), "chi": chis.tolist(), "swings": SWINGS}
+        rows += kept(folder, configuration, partial(_map_row, tau, chis))
     return chis, taus, rows
+
+
+def _map_row(tau: float, chis: Floats) -> list[Row]:
+    started = time.process_time()
+    times = np.linspace(0.0, 2.0 * math.pi * SWINGS, _SECTIONS)
+    starts = np.tile([0.0, 0.0, 2.0, 0.0, 0.2, 1.98], (chis.size, 1))
+    systems = [_pair(tau).detuned(chi).small() for chi in chis.tolist()]
+    states = integrate_ensemble(systems, starts, times, tolerance=_TOLERANCE)
+    turned = np.arctan2(-states[:, :, 3::2], states[:, :, 2::2])
+    psi = np.unwrap(turned[:, :, 0] - turned[:, :, 1], axis=1)
+    locked = np.ptp(psi[:, 2 * _SECTIONS // 3 :], axis=1) < _STILL
+    return [{"tau": tau, "locked": locked.astype(int).tolist(), "cpu_s": time.process_time() - started}]
+
+
+def _pair(tau: float) -> Clocks:
+    return Clocks(0.02, 0.02, COUPLING, (tau, tau))
 
 
 def edges(chis: Floats, taus: Floats, rows: list[Row]) -> list[Row]:
     """Edge of locking at each tau: by motion, by theory (leading order) and of the slow flow."""
-    table = []
-    for tau, row in zip(taus.tolist(), rows, strict=True):
-        pair = Clocks(0.02, 0.02, COUPLING, (tau, tau))
-        found = {"edge_by_motion": measured_edge(chis, row), "edge_by_theory": edge(pair)}
-        cost = 1e3 * float(row["cpu_s"]) / chis.size
-        table.append({"tau": tau, **found, "edge_by_balance": edge_of_balance(pair), "ms_a_member": cost})
-    return table
+    return [
+        {
+            "tau": tau,
+            "edge_by_motion": measured_edge(chis, row),
+            "edge_by_theory": edge(_pair(tau)),
+            "edge_by_balance": edge_of_balance(_pair(tau)),
+            "ms_a_member": 1e3 * float(row["cpu_s"]) / chis.size,
+        }
+        for tau, row in zip(taus.tolist(), rows, strict=True)
+    ]
 
 
 def measured_edge(chis: Floats, row: Row) -> float:

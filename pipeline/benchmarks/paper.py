@@ -30,8 +30,7 @@ from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
-from pipeline.methods.phases import Phases, phases
-from pipeline.methods.vening_meinesz import MARK_SECONDS, value_and_slope
+from pipeline.methods.phases import MARK_SECONDS, Phases, phases, value_and_slope
 from pipeline.observation import observe
 from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
 from pipeline.prepared import Prepared, prepare
@@ -108,8 +107,7 @@ def _slow_slope(ready: Prepared, envelope: Envelope, first_frequency: float, fre
 
 def _at(envelope: Envelope, values: Complexes, time: Floats) -> Complexes:
     """A harmonic at given times."""
-    smooth = np.interp(time, envelope.time, values.real) + 1j * np.interp(time, envelope.time, values.imag)
-    return np.asarray(smooth * np.exp(1j * envelope.carrier * time))
+    return np.asarray(np.interp(time, envelope.time, values) * np.exp(1j * envelope.carrier * time))
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -155,7 +153,7 @@ def _one_pendulum() -> Iterator[Row]:
 def _single_error(time: Floats, phase: Floats, minutes: float) -> float:
     """Error of gravity from the slope of one pendulum's own phase over the first minutes, mGal."""
     part = time <= 60.0 * minutes
-    slope = regression(time[part], phase[part], np.ones(int(part.sum())))
+    slope = float(np.polyfit(time[part], phase[part], 1)[0])
     return REFERENCE * ((slope / (_FREQUENCY * (1.0 + 1e-5))) ** 2 - 1.0) / MGAL
 
 
@@ -173,19 +171,18 @@ def _leak() -> Iterator[Row]:
     yield _row("error of gravity by (9), as (14) on truth gives", f"{expected:.4g}", found, "mGal", off < 0.01)
 
 
-def _harmonics(scene: Scene) -> tuple[Any, Any, Any, Any]:
-    """A scene's record, its truth, and the true complex harmonics of the pendulums and of their difference, rad."""
+def _harmonics(scene: Scene) -> tuple[Any, Any, Any, Any, Floats, Any]:
+    """A scene's record, its truth, the true harmonics of the pendulums and of their difference, times, frequencies."""
     record, truth = simulate(scene)
     known = truth["truth"].dataset
     first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
-    return record, known, first, first[0] - first[1]
+    time, frequency = np.asarray(record["time"].values), np.asarray(known["frequency"].values)
+    return record, known, first, first[0] - first[1], time, frequency
 
 
 def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
     """Correction at the minute marks by (9) from the record, by (14) from truth, and psi's part of it; mGal."""
-    record, known, first, difference = _harmonics(scene)
-    time = np.asarray(record["time"].values)
-    n1, n2 = np.asarray(known["frequency"].values)
+    record, known, first, difference, time, (n1, n2) = _harmonics(scene)
     rows = np.arange(0, time.size, round(MARK_SECONDS / (time[1] - time[0])))[1:]
     seen = observe(record)
     value, slope = value_and_slope(seen.time, seen.theta, time[rows])
@@ -198,30 +195,30 @@ def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
 
 def marks_error(scene: Scene) -> float:
     """Error that the method's own reading at marks makes of (14) on truth, mGal: integrated and regressed."""
-    record, known, first, difference = _harmonics(scene)
-    time = np.asarray(record["time"].values)
-    n1, n2 = np.asarray(known["frequency"].values)
+    record, known, first, difference, time, (n1, n2) = _harmonics(scene)
     step = float(time[1])
     envelope = prepare(observe(record)).sliding
     rows = np.rint(envelope.time / step).astype(np.int64)
     every = max(1, round(MARK_SECONDS / envelope.hop))
     fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
     correction = integrated(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
-    phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
-    slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
-    return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)
+    return _slope_error(scene, difference, time, n2, rows, envelope.time, correction)
 
 
 def plain_error(scene: Scene) -> float:
     """Error of gravity from the slope of the difference's true phase, uncorrected, mGal."""
-    record, known, _, difference = _harmonics(scene)
-    time = np.asarray(record["time"].values)
-    frequency = float(known["frequency"].values[1])
-    phase = np.unwrap(np.angle(difference * np.exp(-1j * frequency * time)))
+    record, _, _, difference, time, (_, n2) = _harmonics(scene)
     times = prepare(observe(record)).sliding.time
-    rows = np.rint(times / float(time[1])).astype(np.int64)
-    slope = regression(times, phase[rows], np.abs(difference[rows]) ** 2)
-    return scene.gravity * ((1.0 + slope / frequency) ** 2 - 1.0) / MGAL
+    return _slope_error(scene, difference, time, n2, np.rint(times / float(time[1])).astype(np.int64), times, 0.0)
+
+
+def _slope_error(
+    scene: Scene, difference: Complexes, time: Floats, n2: float, rows: Any, times: Floats, correction: Floats | float
+) -> float:
+    """Error of gravity from the slope of the difference's true phase less its correction, mGal."""
+    phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
+    slope = regression(times, phase - correction, np.abs(difference[rows]) ** 2)
+    return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)
 
 
 def _by_truth(
@@ -250,12 +247,13 @@ def _film() -> Iterator[Row]:
 
 
 _TERMS = {
-    "first_speed": "(n1-n2)(Phi1'-n1)",
-    "first_growth": "(n1-n2) Theta1'/Theta1",
-    "forcing": "(n1-n2) xi/g",
-    "slow_difference": "psi1-psi2",
+    "first_speed": "neglected (n1-n2)(Phi1'-n1)",
+    "first_growth": "neglected (n1-n2) Theta1'/Theta1",
+    "forcing": "neglected (n1-n2) xi/g",
+    "slow_difference": "neglected psi1-psi2",
+    "damping_difference": "left out: gamma1-gamma2",
+    "finite_arc": "left out: finite arc",
 }
-_LATER = {"damping_difference": "gamma1-gamma2", "finite_arc": "finite arc"}
 
 
 def _neglected() -> Iterator[Row]:
@@ -267,8 +265,8 @@ def _neglected() -> Iterator[Row]:
         ready = prepared(scene)
         worth = neglected_terms(ready)
         for name, term in _TERMS.items():
-            yield _row(f"neglected {term}, eps {eps:g}", "negligible", worth[name], "mGal", abs(worth[name]) < limit)
-        for name, term in _LATER.items():
-            yield _row(f"left out: {term}, eps {eps:g}", "not treated", worth[name], "mGal", abs(worth[name]) > 0.01)
+            size, small = abs(worth[name]), term.startswith("neglected")
+            said, agree = ("negligible", size < limit) if small else ("not treated", size > 0.01)
+            yield _row(f"{term}, eps {eps:g}", said, worth[name], "mGal", agree)
         error = outcome(reduce_by("projection", ready, 0.0), scene.gravity).error
         yield _row(f"projection, which neglects none, eps {eps:g}", "-", error, "mGal", abs(error) < 0.001)

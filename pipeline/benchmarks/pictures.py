@@ -32,7 +32,7 @@ LOOKS: Mapping[str, tuple[str, str]] = {
     "CVODE Adams": ("#b0b0b0", "P"), "CVODE BDF": ("#b0b0b0", "X"),
 }  # fmt: skip
 """Method -> colour and mark; the project's are coloured, peers grey."""
-_COLUMNS = 3
+_COLUMNS = 4
 _LEAST_ERROR = 1e-17
 _LOGARITHMIC: Any = {"xscale": "log", "yscale": "log"}
 
@@ -78,7 +78,7 @@ def draw_integrators(races: Mapping[str, tuple[str, Sequence[Point]]], path: str
     words = (
         "largest error over the largest size, against the truth named above each panel; warm processor time, medians"
     )
-    figure = sheet("Error against time", words, 13.5, 8.4)
+    figure = sheet("Error against time", words, 16.5, 8.4)
     grid = figure.add_gridspec(2, _COLUMNS)
     for number, (name, (source, points)) in enumerate(races.items()):
         place = grid[number // _COLUMNS, number % _COLUMNS]

@@ -58,36 +58,22 @@ def two_pendulums(
     damping_rates: tuple[float, float] = (0.0, 0.0), gravity: float = GRAVITY, duration: float | None = None,
     restoring: str = "linear", seed: int = 0, **recording: Any,
 ) -> Scene:  # fmt: skip
-    """Two pendulums on a moving support.
+    """Two pendulums on a moving support, swell by default, for half an hour.
 
-    Parameters
-    ----------
-    relative_difference : float
-        eps = (n1 - n2)/n2.
-    motion : list of dict, optional
-        Terms of the support's motion; swell by default.
-    amplitudes, phases : (2,) tuples
-        Free harmonics at the start, rad.
-    duration : float, optional
-        s; half an hour by default.
-    restoring : {"linear", "sine"}
-    seed : int
-        Of all chance in the scene.
-    recording
-        Fields of the scene's recording.
+    `relative_difference` is eps = (n1 - n2)/n2, amplitudes and phases are of the free harmonics at the start, rad,
+    `seed` is of all chance in the scene, `recording` are fields of the scene's recording.
     """
     periods = (PERIOD / (1.0 + relative_difference), PERIOD)
-    starts = [
-        {"kind": "free", "amplitude": size, "phase": phase} for size, phase in zip(amplitudes, phases, strict=True)
-    ]
-    names = ("label", "period", "damping_rate", "start")
-    rows = zip(("1", "2"), periods, damping_rates, starts, strict=True)
-    world = {"restoring": restoring, "gravity": gravity, "reference_gravity": REFERENCE}
-    return Scene.model_validate(
-        {"record_id": record_id, "seed": seed, "duration": DURATION if duration is None else duration, **world}
-        | {"pendulums": [dict(zip(names, row, strict=True)) for row in rows]}
-        | {"motion": [swell()] if motion is None else motion, "recording": recording}
-    )
+    pendulums = [
+        {"label": label, "period": period, "damping_rate": damping_rate,
+         "start": {"kind": "free", "amplitude": amplitude, "phase": phase}}
+        for label, period, damping_rate, amplitude, phase in zip(
+            "12", periods, damping_rates, amplitudes, phases, strict=True)
+    ]  # fmt: skip
+    world = {"restoring": restoring, "gravity": gravity, "reference_gravity": REFERENCE, "pendulums": pendulums}
+    world |= {"motion": [swell()] if motion is None else motion, "recording": recording}
+    length = DURATION if duration is None else duration
+    return Scene.model_validate({"record_id": record_id, "seed": seed, "duration": length, **world})
 
 
 def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:

@@ -33,24 +33,17 @@ OVERDAMPED: tuple[Propagator, ...] = ("auto", "radau", "explicit")
 SINE: tuple[Propagator, ...] = ("auto", "picard", "radau", "explicit")
 VIOLENT: tuple[Propagator, ...] = ("auto", "radau", "explicit")
 """Far from the linear pendulum about which collocation expands."""
-STIFF: tuple[Propagator, ...] = ("auto", "radau")
-"""Slower than what an explicit step can bear."""
+STIFF: tuple[Propagator, ...] = ("auto", "radau")  # slower than what an explicit step can bear
 
 N = 6.25  # rad/s, of the pendulums
-BOUND = 1e-8
-"""Largest error, relative to the largest angle, of a cell that must be solved."""
+BOUND = 1e-8  # largest error, relative to the largest angle, of a cell that must be solved
 DIGITS, ANOTHER = "elliptic function, 40 digits", "another propagator, tighter"
 PROPAGATORS: tuple[Propagator, ...] = get_args(Propagator)
-TOLERANCE = 1e-10
-"""What is asked of propagators that take a tolerance."""
-HONEST = 10.0
-"""The error may be so many times the propagator's estimate."""
-ROUNDING = 1e-13
-"""Errors below it are rounding."""
-ROUNDED = 4e-16
-"""Of a phase: scenes give periods, whose reciprocals are rounded."""
-MOST = 400
-"""Readings that are compared with the truth."""
+TOLERANCE = 1e-10  # what is asked of propagators that take a tolerance
+HONEST = 10.0  # the error may be so many times the propagator's estimate
+ROUNDING = 1e-13  # errors below it are rounding
+ROUNDED = 4e-16  # of a phase: scenes give periods, whose reciprocals are rounded
+MOST = 400  # readings that are compared with the truth
 _TIGHTER = 1e-2
 
 
@@ -65,14 +58,10 @@ class Motion:
     true: Callable[[Sequence[Fraction]], Floats] | None
     """Exact instants give the angles, (instants, pendulums), rad; None: another propagator does."""
     source: str
-    solvers: tuple[Propagator, ...]
-    """Propagators that must solve it."""
-    not_asked: tuple[Propagator, ...] = ()
-    """Propagators that would take minutes or hours."""
-    bounds: Mapping[str, float] = field(default_factory=dict)
-    """Of single propagators, tighter than `BOUND`."""
-    apart: float = 0.0
-    """How far the truth itself may be from this motion, relative: a limit that is only approached."""
+    solvers: tuple[Propagator, ...]  # propagators that must solve it
+    not_asked: tuple[Propagator, ...] = ()  # propagators that would take minutes or hours
+    bounds: Mapping[str, float] = field(default_factory=dict)  # of single propagators, tighter than `BOUND`
+    apart: float = 0.0  # how far the truth itself may be from this motion, relative: a limit that is only approached
 
 
 def motions() -> tuple[Motion, ...]:

@@ -9,6 +9,7 @@ Processor time is measured so that it can be compared: warm, rivals taking turns
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import functools
 import hashlib
@@ -27,14 +28,14 @@ import numpy as np
 
 from data_schemas.writing import write_text
 from pipeline.arrays import Floats
-from pipeline.cli.tables import plain
+from synth.kernels.cache import PACKAGES, ROOT
 
 Row = dict[str, Any]
 Item = TypeVar("Item")
-_PACKAGES = ("data_schemas", "synth", "pipeline")
-_NO_NUMBERS = ("cli", "plots")  # parts of `pipeline` that present what others compute
-Call = Callable[[], Any]
+RATIO = "times"  # how the unit of a ratio of processor times begins
 Given = TypeVar("Given")
+Call = Callable[[], Any]
+_NO_NUMBERS = (("pipeline", "cli"), ("pipeline", "plots"))  # which present what others compute
 
 
 def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
@@ -45,12 +46,6 @@ def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
         writer.writeheader()
         writer.writerows(table)
     write_text(stream.getvalue(), path, overwrite=True)
-
-
-def write_json(path: Path, tables: Mapping[str, Any]) -> None:
-    """Write tables by name as one file; not-a-number becomes null."""
-    text = json.dumps(plain(tables), indent=1, ensure_ascii=False, allow_nan=False)
-    write_text(text + "\n", path, overwrite=True)
 
 
 def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
@@ -106,49 +101,27 @@ def _row(bar: str, value: float, limit: str, unit: str, passed: bool | None) -> 
     return {"bar": bar, "value": float(value), "limit": limit, "unit": unit, "pass": verdict}
 
 
-class Kept:
-    """Results by configuration: in memory while the suite runs, and in `points/` of a folder if one is named."""
-
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = None if folder is None else folder / "points"
-        self._known: dict[str, list[dict[str, Any]]] = {}
-
-    def get(self, configuration: Mapping[str, Any]) -> list[dict[str, Any]] | None:
-        """Rows of a point that was finished before; None if it was not, or if its file cannot be understood."""
-        name = _name(configuration)
-        if self._folder is not None and name not in self._known:
-            try:
-                self._known[name] = json.loads((self._folder / name).read_text(encoding="utf-8"))["rows"]
-            except (OSError, ValueError, KeyError):
-                return None
-        return self._known.get(name)
-
-    def put(self, configuration: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
-        """Keep a finished point: whole, or not at all."""
-        name = _name(configuration)
-        self._known[name] = rows
-        if self._folder is None:
-            return
-        self._folder.mkdir(exist_ok=True)
-        text = json.dumps({"configuration": configuration, "rows": rows}, indent=1)
-        write_text(text, self._folder / name, overwrite=True)
-
-
-def _name(configuration: Mapping[str, Any]) -> str:
-    said = json.dumps([sources(), configuration], sort_keys=True)
-    return f"{hashlib.sha256(said.encode()).hexdigest()[:24]}.json"
+def kept(folder: Path | None, configuration: Mapping[str, Any], make: Callable[[], list[Row]]) -> list[Row]:
+    """Rows of a point: those in `points/` of the folder if it was finished before, else made, and kept there."""
+    if folder is None:
+        return make()
+    name = hashlib.sha256(json.dumps([sources(), configuration], sort_keys=True).encode()).hexdigest()[:24]
+    path = folder / "points" / f"{name}.json"
+    with contextlib.suppress(OSError, ValueError, KeyError):  # not there, or not whole
+        return list(json.loads(path.read_text(encoding="utf-8"))["rows"])
+    rows = make()
+    path.parent.mkdir(exist_ok=True)
+    write_text(json.dumps({"configuration": configuration, "rows": rows}, indent=1), path, overwrite=True)
+    return rows
 
 
 @functools.cache
 def sources() -> str:
     """SHA-256 of the code that simulates and reduces."""
     digest = hashlib.sha256()
-    root = Path(__file__).parents[2]
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            place = path.relative_to(root)
-            if package == "pipeline" and place.parts[1] in _NO_NUMBERS:
-                continue
+    for path in sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
+        place = path.relative_to(ROOT)
+        if place.parts[:2] not in _NO_NUMBERS:
             digest.update(place.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
 
@@ -191,17 +164,20 @@ def median_ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
     return statistics.median(one / other for one, other in zip(slow, fast, strict=True))
 
 
-def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float) -> Row:
-    """A bar on the median of these ratios, with their range."""
+def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float | None) -> Row:
+    """A bar on the median of these ratios, with their range; reported alone without a limit."""
     every = [one / other for one, other in zip(own, rival, strict=True)]
-    return at_most(bar, median_ratio(own, rival), limit, f"{min(every):.3g} to {max(every):.3g}")
+    value, unit = median_ratio(own, rival), f"{RATIO}, {min(every):.3g} to {max(every):.3g}"
+    return reported(bar, value, unit) if limit is None else at_most(bar, value, limit, unit)
 
 
 def hilbert(values: Floats) -> float:
-    """Slope of the phase, rad a sample, as a user of scipy would have it: the yardstick of methods' times."""
+    """Slope of the phase, rad a sample, by scipy at a fast length of its FFT: the yardstick of methods' times."""
+    from scipy.fft import next_fast_len
     from scipy.signal import hilbert as analytic
 
-    return float(np.polyfit(np.arange(values.size), np.unwrap(np.angle(analytic(values))), 1)[0])
+    phase = np.unwrap(np.angle(analytic(values, next_fast_len(values.size))[: values.size]))
+    return float(np.polyfit(np.arange(values.size), phase, 1)[0])
 
 
 def command(*words: str) -> Call:
@@ -215,6 +191,4 @@ def command(*words: str) -> Call:
 
 def tree_environment() -> dict[str, str]:
     """Environment in which a child process finds the same packages, installed or not."""
-    root = str(Path(__file__).parents[2])
-    before = os.environ.get("PYTHONPATH")
-    return os.environ | {"PYTHONPATH": root if before is None else f"{root}{os.pathsep}{before}"}
+    return os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}

@@ -12,7 +12,7 @@ from typing import Any
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.parser import number, positive, processors
 from pipeline.cli.process import add_reduction_options
-from pipeline.cli.tables import complain
+from pipeline.cli.tables import complain, progress
 
 HELP = "gravity from thousands of records"
 DESCRIPTION = """\
@@ -41,7 +41,6 @@ examples:
 
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
-
 _TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}
 
 
@@ -53,31 +52,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_reduction_options(parser)
     add("--force", action="store_true", help="do everything anew, whatever is there")
     add("--json", action="store_true", help="JSON Lines of all results, in order, at the end")
-    grid = parser.add_argument_group("scenes")
-    grid.add_argument("--sweep", action="append", metavar="KEY=VALUES", help="values A,B,C or LOW:HIGH:COUNT of a key")
-    grid.add_argument(
-        "--repeat", type=positive("--repeat"), metavar="N", help="members a point, each with its own seed"
-    )
-    grid.add_argument("--allow-paths", action="store_true", help="a scene's tables may lie outside its folder")
-    course = parser.add_argument_group("course")
-    course.add_argument("--resume", action="store_true", help="keep what was done and still holds")
-    course.add_argument("--retry-failed", action="store_true", help="--resume, and do again what failed")
-    course.add_argument("--dry-run", action="store_true", help="tell what would be done, and leave")
-    course.add_argument(
-        "--limit", type=positive("--limit"), metavar="N", help="do at most N inputs, keep the others for later"
-    )
-    work = parser.add_argument_group("work")
-    work.add_argument("--jobs", type=positive("--jobs"), metavar="N", help="processes (default: one a processor)")
-    work.add_argument(
-        "--timeout", type=number("--timeout", above=0.0), default=600.0, metavar="S", help="s an input (600)"
-    )
-    work.add_argument("--memory", type=positive("--memory"), default=512, metavar="MIB", help="MiB a process (512)")
-    work.add_argument("--trusted", action="store_true", help="do not limit memory")
-    work.add_argument("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
-    work.add_argument("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tls://10.0.0.1:8786")
-    work.add_argument("--tls-ca", metavar="FILE", help="certificate that the cluster's are signed with")
-    work.add_argument("--tls-cert", metavar="FILE", help="own certificate, for the cluster")
-    work.add_argument("--tls-key", metavar="FILE", help="own key, for the cluster")
+    add = parser.add_argument_group("scenes").add_argument
+    add("--sweep", action="append", metavar="KEY=VALUES", help="values A,B,C or LOW:HIGH:COUNT of a key")
+    add("--repeat", type=positive("--repeat"), metavar="N", help="members a point, each with its own seed")
+    add("--allow-paths", action="store_true", help="a scene's tables may lie outside its folder")
+    add = parser.add_argument_group("course").add_argument
+    add("--resume", action="store_true", help="keep what was done and still holds")
+    add("--retry-failed", action="store_true", help="--resume, and do again what failed")
+    add("--dry-run", action="store_true", help="tell what would be done, and leave")
+    add("--limit", type=positive("--limit"), metavar="N", help="do at most N inputs, keep the others for later")
+    add = parser.add_argument_group("work").add_argument
+    add("--jobs", type=positive("--jobs"), metavar="N", help="processes (default: one a processor)")
+    add("--timeout", type=number("--timeout", above=0.0), default=600.0, metavar="S", help="s an input (600)")
+    add("--memory", type=positive("--memory"), default=512, metavar="MIB", help="MiB a process (512)")
+    add("--trusted", action="store_true", help="do not limit memory")
+    add("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
+    add("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tls://10.0.0.1:8786")
+    add("--tls-ca", metavar="FILE", help="certificate that the cluster's are signed with")
+    add("--tls-cert", metavar="FILE", help="own certificate, for the cluster")
+    add("--tls-key", metavar="FILE", help="own key, for the cluster")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -115,23 +108,13 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
     from pipeline.batch.campaign import remove_leftovers
     from pipeline.batch.summary import write_summary
     from pipeline.cli.outputs import orderly
-    from pipeline.cli.progress import progress
 
     folder = Path(options.out)
     with orderly(), progress("batch", " records") as draw:
         remove_leftovers(folder)
+        how = {"anew": options.force, "retry_failed": options.retry_failed, "limit": options.limit, "progress": draw}
         try:
-            campaign.run(
-                jobs,
-                ledger,
-                _executor(options, jobs),
-                log,
-                tally,
-                anew=options.force,
-                retry_failed=options.retry_failed,
-                limit=options.limit,
-                progress=draw,
-            )
+            campaign.run(jobs, ledger, _executor(options, jobs), log, tally, **how)
         finally:
             remove_leftovers(folder)  # of processes that were ended
         try:
@@ -144,27 +127,17 @@ def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: An
 
 def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     """The executor asked for, as a function of jobs alone."""
-    methods = jobs[0][1].method
+    limits = {"methods": jobs[0][1].method, "timeout": options.timeout}
     if options.scheduler is not None:
         from pipeline.batch.executors.cluster import clustered
 
         security = {_TLS[name]: value for name in _TLS if (value := getattr(options, name)) is not None}
-        return partial(
-            clustered,
-            address=options.scheduler,
-            methods=methods,
-            timeout=options.timeout,
-            security=security,
-            told=complain,
-        )
+        return partial(clustered, address=options.scheduler, security=security, told=complain, **limits)
+    from pipeline.batch.executors.pool import pooled, serial
+
     if options.executor == "serial":
-        from pipeline.batch.executors.pool import serial
-
         return serial
-    from pipeline.batch.executors.pool import pooled
-
-    workers = min(options.jobs or processors(), len(jobs))
-    return partial(pooled, workers=workers, methods=methods, timeout=options.timeout)
+    return partial(pooled, workers=min(options.jobs or processors(), len(jobs)), **limits)
 
 
 def _check(options: argparse.Namespace) -> None:

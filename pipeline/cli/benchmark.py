@@ -29,6 +29,10 @@ HELP = "measured claims, suite by suite"
 DESCRIPTION = f"""\
 Run a suite of benchmarks on scenes of the project's own and print its rows.
 
+Times are processor times: rivals take turns, medians are printed with their ranges. Ratios are appended, with date,
+machine and versions, to a history, which is drawn beside it: history.jsonl and history.png in the folder of -o, or
+the FILE of --history and its PNG.
+
 suites:
 {_LISTED}"""
 
@@ -48,6 +52,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
     parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep its tables and pictures (created if absent)")
+    parser.add_argument("--history", metavar="FILE", help="history of ratios (default history.jsonl in the folder)")
     own = parser.add_argument_group("suite honesty")
     own.add_argument("--method", metavar="NAME[,NAME]", help="methods to reduce by (default auto)")
     own.add_argument("--kind", metavar="TEXT", help="only kinds with TEXT in their name, or of group sea or instrument")
@@ -61,11 +66,15 @@ def module_of(suite: str) -> str:
 
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
+    from pipeline.benchmarks import history
     from pipeline.benchmarks.tables import write
 
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
+    ratios = Path(options.history) if options.history else None if folder is None else folder / history.NAME
+    if ratios is not None:
+        history.read(ratios)  # that it is one is told before the work
     own = _own(options)
     suite = importlib.import_module(module_of(options.suite))
     if folder is not None:
@@ -75,16 +84,14 @@ def run(options: argparse.Namespace) -> int:
         rows.append(row)
         if options.json:
             print_json(row)
-    tables = [list(table) for _, table in groupby(rows, key=tuple)]
-    if not options.json:
-        for number, table in enumerate(tables):
-            if number:
-                print()
+    for number, table in enumerate(list(each) for _, each in groupby(rows, key=tuple)):
+        if not options.json:
+            print("\n" * (number > 0), end="")
             print_table(table)
-    if folder is not None and options.suite != "honesty":  # which writes more than it shows
-        for number, table in enumerate(tables):
-            name = f"{options.suite}-{next(iter(table[0]))}" if number else options.suite
-            write(folder / f"{name}.csv", table)
+        if folder is not None:
+            write(folder / f"{options.suite}{f'-{next(iter(table[0]))}' if number else ''}.csv", table)
+    if ratios is not None:
+        history.append(ratios, options.suite, rows, quick=options.quick)
     judged = [bool(row["pass"]) for row in rows if row.get("pass") is not None]
     if all(judged):
         return 0

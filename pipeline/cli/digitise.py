@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,10 @@ from typing import Any
 import data_schemas
 from data_schemas.errors import IsochronyError, RefusedError, UsageError, naming
 from pipeline.cli.faults import exit_status, outcome_of
-from pipeline.cli.film_options import add_film_options, description, edits_of, film_options, read_film
+from pipeline.cli.film_options import add_film_options, description, edits_of, film_options, read_film, scan_options
 from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
 from pipeline.cli.parser import whole_number
-from pipeline.cli.progress import progress
-from pipeline.cli.tables import complain, print_json
+from pipeline.cli.tables import complain, print_json, progress
 
 HELP = "read photographic films into records"
 DESCRIPTION = """\
@@ -78,34 +76,18 @@ def run(options: argparse.Namespace) -> int:
     if options.table:
         return _table(films, outputs, options)
     good = 0
-    for row in _rows(films, outputs, options):
+    for film, output in zip(films, outputs, strict=True):
+        try:
+            row = _one(film, output, options)
+        except IsochronyError as fault:
+            told = naming(film[0], str(fault))
+            if isinstance(fault, UsageError) and len(films) == 1:
+                raise type(fault)(told) from fault
+            row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None}
+            row |= {"status": outcome_of(fault), "error": told}
         _show(row, as_json=options.json)
         good += row["status"] == "ok"
     return exit_status(good, len(films))
-
-
-def _rows(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """What was read of each film, in order; several at a time where several cores may be used."""
-    if options.jobs == 1 or len(films) == 1:
-        for film, output in zip(films, outputs, strict=True):
-            try:
-                yield _one(film, output, options)
-            except IsochronyError as fault:
-                if isinstance(fault, UsageError) and len(films) == 1:
-                    raise type(fault)(naming(film[0], str(fault))) from fault
-                yield _failure(film, fault)
-        return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    alone = argparse.Namespace(**{**vars(options), "jobs": 1})
-    with ProcessPoolExecutor(min(options.jobs, len(films)), mp_context=get_context("spawn")) as pool:
-        begun = [pool.submit(_one, film, output, alone) for film, output in zip(films, outputs, strict=True)]
-        for film, row in zip(films, begun, strict=True):
-            try:
-                yield row.result()
-            except IsochronyError as fault:
-                yield _failure(film, fault)
 
 
 def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[str, Any]:
@@ -133,20 +115,18 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
 
 def _stretch(options: argparse.Namespace) -> tuple[tuple[int, int | None] | None, tuple[float, float] | None]:
     """Rows that are to be read, and times that are to be kept, s; None: all."""
-    limits: dict[str, list[float | None]] = {"rows": [None, None], "times": [None, None]}
+    rows, times = [0.0, inf], [-inf, inf]
     for k, (option, word) in enumerate((("--from", options.start), ("--to", options.stop))):
         if word is not None:
             try:
-                limits["rows" if word.endswith("px") else "times"][k] = float(word.removesuffix("px"))
+                (rows if word.endswith("px") else times)[k] = float(word.removesuffix("px"))
             except ValueError:
                 raise UsageError(f"{option} wants seconds, or a row as 1200px, not '{word}'") from None
-    (first, last), (begin, end) = limits["rows"], limits["times"]
-    for low, high in ((first, last), (begin, end)):
-        if low is not None and high is not None and high <= low:
+    for low, high in (rows, times):
+        if not high > low:
             raise UsageError(f"digitise: --to {high:g} is not after --from {low:g}")
-    rows = None if first is None and last is None else (int(first or 0), None if last is None else int(last))
-    times = None if begin is None and end is None else (-inf if begin is None else begin, inf if end is None else end)
-    return rows, times
+    first, last = int(rows[0]), None if rows[1] == inf else int(rows[1])
+    return None if rows == [0.0, inf] else (first, last), None if times == [-inf, inf] else (times[0], times[1])
 
 
 def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> int:
@@ -159,19 +139,10 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
     if options.start is not None or options.stop is not None:
         raise UsageError("digitise --table: the whole film lies on the table; drop --from and --to")
     with progress(films[0][0].name, " rows") as draw:
-        session = Session.open(
-            films[0],
-            description(options),
-            film_options(options),
-            orientation=options.orientation,
-            lines=options.lines,
-            reading=options.reading,
-            rate=options.rate,
-            edits=edits_of(films[0][0], argparse.Namespace(edits=options.edits or "")),
-            who=options.by,
-            jobs=max(options.jobs, min(2, os.cpu_count() or 1)),  # a person waits; numbers are the same
-            progress=draw,
-        )
+        edits = edits_of(films[0][0], argparse.Namespace(edits=options.edits or ""))
+        jobs = max(options.jobs, min(2, os.cpu_count() or 1))  # a person waits; numbers are the same
+        given = {**scan_options(options), "edits": edits, "who": options.by, "jobs": jobs, "progress": draw}
+        session = Session.open(films[0], description(options), film_options(options), **given)
     try:
         serve(session, port=options.port, browser=not options.no_browser)
     finally:
@@ -183,11 +154,6 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
     data_schemas.write(record, outputs[0], overwrite=options.force)
     print(outputs[0])
     return 0
-
-
-def _failure(film: list[Path], fault: IsochronyError) -> dict[str, Any]:
-    row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None}
-    return row | {"status": outcome_of(fault), "error": naming(film[0], str(fault))}
 
 
 def _show(row: dict[str, Any], *, as_json: bool) -> None:

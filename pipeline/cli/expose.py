@@ -11,7 +11,7 @@ import synth
 from pipeline.cli.faults import read_checked
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes
 from pipeline.cli.parser import whole_number
-from pipeline.cli.progress import progress
+from pipeline.cli.tables import progress
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -51,11 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--latitude", type=number("--latitude", above=-90.0), metavar="DEG", help="geodetic latitude, degrees north")
     add("--scale", type=number("--scale"), metavar="X", help="relative 1 sigma of the scale of the angles")
     add("--zero-known", action="store_true", help="angles are absolute: their zeros need not be found")
-    add(
-        "--instrument",
-        metavar="TOML",
-        help="constants of /instrument by name, period too; {1 = .., 2 = ..}",
-    )
+    add("--instrument", metavar="TOML", help="constants of /instrument by name, period too; {1 = .., 2 = ..}")
     add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
     add("--force", action="store_true", help="overwrite an existing record")
 
@@ -69,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
     refuse_clashes([path], [output], force=options.force)
     constants = _instrument(options)
     stated, gravity = constants.pop("period", {}), constants.pop("reference_gravity", None)
+    recorded = {"vertical_acceleration": options.heave, "horizontal_acceleration": options.horizontal}
     meaning = ImportOptions(
         time=options.time,
         columns=tuple(options.column),
@@ -77,14 +74,7 @@ def run(options: argparse.Namespace) -> int:
         periods=(stated if isinstance(stated, dict) else {"": stated}) | periods("import", options.period),
         gravity=gravity if options.gravity is None else options.gravity,
         combinations=pairs("import", "--combination", options.combination),
-        accelerations={
-            name: of
-            for name, of in (
-                ("vertical_acceleration", options.heave),
-                ("horizontal_acceleration", options.horizontal),
-            )
-            if of is not None
-        },
+        accelerations={name: column for name, column in recorded.items() if column is not None},
         position=options.xy,
         noise=options.noise,
         instrument=constants,
@@ -102,11 +92,9 @@ def _instrument(options: argparse.Namespace) -> dict[str, Any]:
     """Constants of the TOML file, and of options, which go before it."""
     from data_schemas.text_files import load_toml
 
-    found = (
-        {}
-        if options.instrument is None
-        else dict(load_toml(options.instrument, "constants of an instrument", UsageError))
-    )
+    found: dict[str, Any] = {}
+    if options.instrument is not None:
+        found |= load_toml(options.instrument, "constants of an instrument", UsageError)
     damping = pairs("import", "--damping", options.damping)
     given = {
         "damping_rate": {label: number("--damping")(rate) for label, rate in damping.items()} or None,

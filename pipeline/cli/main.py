@@ -13,36 +13,22 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli import (
-    batch,
-    benchmark,
-    demo,
-    digitise,
-    explain,
-    expose,
-    import_csv,
-    join,
-    plot,
-    process,
-    schema,
-    simulate,
-    validate,
-    warm,
-)
 from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
 from pipeline.memory import bounded
 from synth.kernels import cache
 
+_NAMES = (
+    "demo", "simulate", "process", "expose", "digitise", "batch", "benchmark", "plot", "import", "join", "validate",
+    "schema", "explain", "warm",
+)  # fmt: skip
 _VERBS: dict[str, Any] = {
-    "demo": demo, "simulate": simulate, "process": process, "expose": expose, "digitise": digitise, "batch": batch,
-    "benchmark": benchmark, "plot": plot, "import": import_csv, "join": join, "validate": validate, "schema": schema,
-    "explain": explain, "warm": warm,
-}  # fmt: skip
-
+    name: import_module("pipeline.cli.import_csv" if name == "import" else f"pipeline.cli.{name}") for name in _NAMES
+}
 _READERS = ("process", "plot", "validate", "digitise", "import", "join")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs
 """What reads files of anybody's making in this process, and what that may hold; batch has processes for them."""
@@ -129,7 +115,12 @@ def _dispatch(words: list[str]) -> int:
     options, left = top.parse_known_args(words)
     top.refuse(left)
     if options.version:
-        print(f"isochrony {_version()}")
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            print(f"isochrony {version('isochrony')}")
+        except PackageNotFoundError:
+            print("isochrony (not installed: run from its sources)")
         return 0
     top.error(f"a verb is missing; known: {', '.join(parsers)}")
 
@@ -145,15 +136,6 @@ def _allowed(options: argparse.Namespace) -> int:
     given = [word for value in vars(options).values() for word in (value if isinstance(value, list) else [value])]
     sizes = (os.path.getsize(word) for word in given if isinstance(word, str) and os.path.isfile(word))
     return _MOST_HELD + _PER_BYTE * sum(sizes)
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("isochrony")
-    except PackageNotFoundError:
-        return "(not installed: run from its sources)"
 
 
 def _say(message: str, status: int, fault: BaseException) -> int:

@@ -17,8 +17,7 @@ from data_schemas.errors import UsageError
 
 _ENDINGS = (".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat")
 _IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
-STATUS = 128 + signal.SIGTERM
-"""Exit status of a program that was asked to end, as shells count."""
+STATUS = 128 + signal.SIGTERM  # exit status of a program that was asked to end, as shells count
 
 
 def stem(path: Path) -> str:

@@ -64,15 +64,14 @@ def _wrapped(block: str, width: int) -> str:
     out = []
     for line in lines:
         head, gap, tail = line[2:].partition("  ") if len(line) > width else (line[2:], "", "")
-        column = len(line) - len(tail.lstrip()) if gap else 0
-        if 0 < column < width // 3:
-            out.append(
-                textwrap.fill(tail.lstrip(), width, initial_indent=line[:column], subsequent_indent=" " * column)
-            )
-            continue
-        out.append(textwrap.fill(line[:2] + head, width, subsequent_indent=" " * 6, break_on_hyphens=False))
+        column = len(line) - len(tail.lstrip())
+        beside = bool(gap) and column < width // 3
+        if not beside:
+            column = 6
+            out.append(textwrap.fill(line[:2] + head, width, subsequent_indent=" " * 6, break_on_hyphens=False))
         if gap:
-            out.append(textwrap.fill(tail.lstrip(), width, initial_indent=" " * 6, subsequent_indent=" " * 6))
+            first = line[:column] if beside else " " * column
+            out.append(textwrap.fill(tail.lstrip(), width, initial_indent=first, subsequent_indent=" " * column))
     return "\n".join(out)
 
 
@@ -142,11 +141,10 @@ def add_meaning_options(parser: argparse.ArgumentParser, lever: str) -> None:
     add("--lever", type=number("--lever", above=0.0), metavar="MM_PER_RAD", help=lever)
     gravity = "gravity at which the periods hold, in m/s2"
     add("--gravity", type=number("--gravity", above=0.0), metavar="M_S2", help=gravity)
-    for option, name, text in (
-        ("--combination", "TRACE=A[-B]", "pendulums of a trace whose name does not say them"),
-        ("--period", "[LABEL=]SECONDS", "full period of a pendulum in s; no label is needed if there is one only"),
-    ):
-        add(option, action="append", default=[], metavar=name, help=f"{text}; repeatable")
+    combination = "pendulums of a trace whose name does not say them; repeatable"
+    add("--combination", action="append", default=[], metavar="TRACE=A[-B]", help=combination)
+    period = "full period of a pendulum in s; no label is needed if there is one only; repeatable"
+    add("--period", action="append", default=[], metavar="[LABEL=]SECONDS", help=period)
 
 
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:

@@ -17,6 +17,8 @@ from pipeline.cli.parser import number
 from pipeline.cli.tables import complain
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from data_schemas.layouts import Kind
 
 HELP = "draw a record, a result or a film"
@@ -54,10 +56,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Draw the file and write the picture."""
+    """Draw the file and write the picture; status 3 for a film that is drawn and could not be read."""
     from pipeline.plots.canvas import require_matplotlib, save
-    from pipeline.plots.result import record_figure, result_figure
-    from pipeline.plots.synchrony import period_figure, synchrony_figure
 
     require_matplotlib()
     path = Path(options.file)
@@ -66,8 +66,18 @@ def run(options: argparse.Namespace) -> int:
     refuse_clashes([path], [output], force=options.force)
     if output.suffix.lower() != ".png":
         raise UsageError(f"{output}: pictures are written as PNG; end the name with .png")
-    if is_film:
-        return draw_film(path, output, options)
+    figure, status = _film(path, options) if is_film else (_tree(path, options), 0)
+    make_folder(output)
+    save(figure, output)
+    print(output)
+    return status
+
+
+def _tree(path: Path, options: argparse.Namespace) -> Figure:
+    """Draw a record or a result."""
+    from pipeline.plots.result import record_figure, result_figure
+    from pipeline.plots.synchrony import period_figure, synchrony_figure
+
     if options.start is not None or options.stop is not None:
         raise UsageError("plot: --from and --to go with the image of a film; drop them here")
     tree = data_schemas.read(path)
@@ -76,51 +86,36 @@ def run(options: argparse.Namespace) -> int:
     if options.truth is not None and (kind == "record" or "gravity" not in tree.children):
         raise UsageError("plot: --truth goes with a result that has a gravity; drop it here")
     if kind == "record":
-        figure = record_figure(tree)
-    elif "period" in tree.children:
-        figure = period_figure(tree)
-    elif "synchrony" in tree.children:
-        figure = synchrony_figure(tree)
-    else:
-        figure = result_figure(tree, true_gravity=None if options.truth is None else true_gravity(options.truth))
-    make_folder(output)
-    save(figure, output)
-    print(output)
-    return 0
+        return record_figure(tree)
+    if "period" in tree.children:
+        return period_figure(tree)
+    if "synchrony" in tree.children:
+        return synchrony_figure(tree)
+    # the figure is given the number and never the truth
+    truth = None if options.truth is None else read_checked(Path(options.truth), "truth")
+    return result_figure(tree, true_gravity=None if truth is None else float(truth["truth"]["gravity"]))
 
 
-def true_gravity(path: str) -> float:
-    """Gravity that a truth file states, m s-2; the figure is given the number and never the truth."""
-    return float(read_checked(Path(path), "truth")["truth"]["gravity"])
-
-
-def _kind_ending(path: Path) -> str:
-    """Keep `.record` or `.result` in the picture's name, so that the two do not fight for one."""
-    return next((f".{kind}" for kind in ("record", "result") if path.name.endswith(f".{kind}.nc")), "")
-
-
-def draw_film(path: Path, output: Path, options: argparse.Namespace) -> int:
-    """Read a film and draw it; of a film that cannot be read the image alone, with the reason, and status 3."""
+def _film(path: Path, options: argparse.Namespace) -> tuple[Figure, int]:
+    """Read a film and draw it; of a film that cannot be read the image alone, with the reason."""
     from pipeline.film.digitise import open_film
-    from pipeline.plots.canvas import save
     from pipeline.plots.film import film_figure, unread_figure
 
     if options.start is not None and options.stop is not None and options.stop <= options.start:
         raise UsageError(f"plot: --to {options.stop:g} is not after --from {options.start:g}")
     said = reading_options(options)
     try:
-        figure = film_figure(read_film([path], options, said)[0], options.start, options.stop)
-        status = 0
+        return film_figure(read_film([path], options, said)[0], options.start, options.stop), 0
     except (RefusedError, RecordError) as fault:
         scan, _ = open_film(path, description(options), said, orientation=options.orientation, lines=options.lines)
         told = naming(path, str(fault))
         complain(told)
-        figure = unread_figure(scan, told)
-        status = fault.exit_status
-    make_folder(output)
-    save(figure, output)
-    print(output)
-    return status
+        return unread_figure(scan, told), fault.exit_status
+
+
+def _kind_ending(path: Path) -> str:
+    """Keep `.record` or `.result` in the picture's name, so that the two do not fight for one."""
+    return next((f".{kind}" for kind in ("record", "result") if path.name.endswith(f".{kind}.nc")), "")
 
 
 def is_image(path: Path) -> bool:

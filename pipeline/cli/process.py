@@ -57,45 +57,33 @@ exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
-    parser.add_argument("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
+    add = parser.add_argument
+    add("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
     add_reduction_options(parser)
-    parser.add_argument("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
-    parser.add_argument("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
-    parser.add_argument("--full", action="store_true", help="keep each pendulum's fitted angle at every sample too")
-    parser.add_argument("--force", action="store_true", help="overwrite existing results")
-    parser.add_argument("--no-output", action="store_true", help="write no result file, only print")
-    parser.add_argument("--ledger", action="store_true", help="print the ledger of several records too")
-    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
+    add("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
+    add("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
+    add("--full", action="store_true", help="keep each pendulum's fitted angle at every sample too")
+    add("--force", action="store_true", help="overwrite existing results")
+    add("--no-output", action="store_true", help="write no result file, only print")
+    add("--ledger", action="store_true", help="print the ledger of several records too")
+    add("--json", action="store_true", help="JSON Lines instead of a table")
 
 
 def add_reduction_options(parser: argparse.ArgumentParser) -> None:
     """List what says how records are reduced."""
-    parser.add_argument("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
-    parser.add_argument("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
-    parser.add_argument(
-        "--gain-uncertainty",
-        type=number("--gain-uncertainty"),
-        default=0.0,
-        metavar="X",
-        help="relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)",
-    )
-    parser.add_argument(
-        "--accept",
-        action="append",
-        default=[],
-        metavar="FLAG",
-        type=one_of("flag", BLOCKING),
-        help="reduce records of films that bear this flag, too (isochrony explain FLAG); sigma holds the doubt",
-    )
+    add = parser.add_argument
+    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
+    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
+    gain = "relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)"
+    add("--gain-uncertainty", type=number("--gain-uncertainty"), default=0.0, metavar="X", help=gain)
+    flag = "reduce records of films that bear this flag, too (isochrony explain FLAG); sigma holds the doubt"
+    add("--accept", action="append", default=[], metavar="FLAG", type=one_of("flag", BLOCKING), help=flag)
 
 
 def reduction_options(options: argparse.Namespace) -> dict[str, Any]:
     """What says how records are reduced, the methods apart, as `pipeline.process` takes it."""
-    return {
-        "pair": options.pair,
-        "gain_uncertainty": options.gain_uncertainty,
-        "accept": tuple(sorted(set(options.accept))),
-    }
+    accepted = tuple(sorted(set(options.accept)))
+    return {"pair": options.pair, "gain_uncertainty": options.gain_uncertainty, "accept": accepted}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -135,7 +123,7 @@ def _one(
     if options.synchrony:
         from pipeline.synchronism.recipe import synchrony
 
-        result = synchrony(record)
+        result = synchrony(record, accept=options.accept)
     else:
         from pipeline.processing import process
 

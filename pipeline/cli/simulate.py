@@ -13,8 +13,7 @@ import synth
 from data_schemas.errors import UsageError
 from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes, stem
 from pipeline.cli.parser import number, positive, processors, whole_number
-from pipeline.cli.progress import progress
-from pipeline.cli.tables import print_json
+from pipeline.cli.tables import print_json, progress
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
@@ -46,31 +45,23 @@ _WORTHWHILE = 4  # members a further process must have to do, for starting it ta
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
-    parser.add_argument("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
-    parser.add_argument("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
-    parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
-    parser.add_argument(
-        "--tolerance",
-        type=_tolerance,
-        metavar="ERROR",
-        help="largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own",
-    )
-    parser.add_argument("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
-    parser.add_argument("--force", action="store_true", help="overwrite existing outputs")
-    group = parser.add_argument_group("ensembles")
-    group.add_argument(
-        "--ensemble", type=positive("--ensemble"), metavar="N",
-        help="N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)",
-    )  # fmt: skip
-    group.add_argument(
-        "--vary", type=_range, action="append", metavar="KEY=LOW:HIGH",
-        help="let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)",
-    )  # fmt: skip
-    group.add_argument(
-        "--workers", type=positive("--workers"), metavar="N", help="processes (default: one a processor); same results"
-    )
-    parser.add_argument("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
-    parser.add_argument("--json", action="store_true", help="with --explain: one JSON object")
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
+    add("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
+    add("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
+    tolerance = "largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own"
+    add("--tolerance", type=_tolerance, metavar="ERROR", help=tolerance)
+    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
+    add("--force", action="store_true", help="overwrite existing outputs")
+    add("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
+    add("--json", action="store_true", help="with --explain: one JSON object")
+    add = parser.add_argument_group("ensembles").add_argument
+    ensemble = "N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)"
+    add("--ensemble", type=positive("--ensemble"), metavar="N", help=ensemble)
+    vary = "let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)"
+    add("--vary", type=_range, action="append", metavar="KEY=LOW:HIGH", help=vary)
+    workers = "processes (default: one a processor); same results"
+    add("--workers", type=positive("--workers"), metavar="N", help=workers)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -111,16 +102,8 @@ def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | 
         raise UsageError("--vary names a key twice; name each once")
     workers = options.workers or max(1, min(processors(), options.ensemble // _WORTHWHILE))
     with orderly(), folder_for_output(folder), progress(name, " members") as draw:
-        written = synth.write_ensemble(
-            scene,
-            options.ensemble,
-            folder,
-            name=name,
-            vary=vary,
-            workers=workers,
-            overwrite=options.force,
-            progress=draw,
-        )
+        how = {"name": name, "vary": vary, "workers": workers, "overwrite": options.force, "progress": draw}
+        written = synth.write_ensemble(scene, options.ensemble, folder, **how)
     kept = f", {written.kept} of them kept from before" if written.kept else ""
     print(f"{written.manifest}: {written.made + written.kept} members{kept}")
     return 0

@@ -7,19 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from pipeline.cli import tables
 from pipeline.cli.outputs import stem
-from pipeline.cli.tables import (
-    LINE,
-    Column,
-    blocks,
-    columns,
-    complain,
-    print_header,
-    print_json,
-    print_row,
-    print_text,
-    width_of,
-)
+from pipeline.cli.tables import Column, columns, complain, print_header, print_json, print_row, print_text
 from pipeline.flag_words import told
 
 _KEYS = (
@@ -59,7 +49,7 @@ class SummaryPrinter:
         self._named = ""
 
     def show(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Print the summaries of one record; what failed goes to stderr as one line."""
+        """Print the summaries of one record; what failed goes to stderr in one line."""
         for row in rows:
             if self._as_json:
                 print_json(in_order(row))
@@ -74,9 +64,10 @@ class SummaryPrinter:
     def _show_line(self, row: Mapping[str, Any]) -> None:
         own, cells = _KINDS["synchrony" if row.get("synchrony") else "period" if "period_s" in row else "gravity"]
         shown, name = [*own], stem(Path(str(row["input"])))
-        beside = width_of([Column("record", self._width), *own]) <= LINE
+        first = columns(f"record <{self._width}")
+        beside = tables.width_of([*first, *own]) <= tables.LINE
         if beside:
-            shown.insert(0, Column("record", self._width, right=False))
+            shown[:0] = first
         if shown != self._headed:
             print_header(shown)
             self._headed = shown
@@ -101,7 +92,7 @@ def _number(value: float | None, form: str) -> str:
 
 def _gravity(row: Mapping[str, Any]) -> list[str]:
     added = sum(value or 0.0 for value in row["corrections_mgal"].values())
-    sigma = _small(row["gravity_sigma_mgal"])
+    sigma = _sigma(row["gravity_sigma_mgal"], "-")
     return [row["method"], _number(row["gravity_m_s2"], ".8f"), sigma, _number(added, "+.4f")]
 
 
@@ -118,22 +109,20 @@ def _synchrony(row: Mapping[str, Any]) -> list[str]:
     return [*verdict, *since, _number(rate, ".3f"), _number(sigma, ".2g")]
 
 
+_CLOCKS = ("pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >10", "sigma >7")
 _KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[str]]]] = {
     "gravity": (columns("method <14", "gravity m/s2 >12", "sigma mGal >10", "corrected mGal >14"), _gravity),
     "period": (columns("method <14", "period s >11", "sigma s >8"), _period),
-    "synchrony": (
-        columns(
-            "pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >10", "sigma >7"
-        ),
-        _synchrony,
-    ),
+    "synchrony": (columns(*_CLOCKS), _synchrony),
 }
 """Own columns and cells of what a row may tell."""
 
 
-def _small(value: float | None) -> str:
+def _sigma(value: float | None, unknown: str = "?") -> str:
     """Four decimals, or two digits where four decimals would show none."""
-    return _number(value, ".4f" if value is None or abs(value) >= 1e-3 else ".1e")
+    if value is None or value != value:
+        return unknown
+    return f"{value:.4f}" if value >= 1e-3 or value == 0.0 else f"{value:.1e}"
 
 
 LEAST_SHARE = 0.005  # of the variance, that is printed
@@ -169,14 +158,11 @@ def _one(row: Mapping[str, Any]) -> None:
     total = sum(entry["value_mgal"] for entry in row["ledger"])
     period = sum(entry["period_1e-7_s"] for entry in row["ledger"])
     print_row(_ONE, ["  sum", f"{total:+.4f}", "", f"{period:+.3f}"])
-    noise = _sigma(row["noise_sigma_mgal"])
-    print_row(_ONE, ["  reading noise", "", noise])
+    print_row(_ONE, ["  reading noise", "", _sigma(row["noise_sigma_mgal"])])
     print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2")
     if row["budget"]:
-        shares = ", ".join(
-            f"{name} {100.0 * share:.0f} %" for name, share in row["budget"].items() if share >= LEAST_SHARE
-        )
-        print_text(f"variance: {shares}; {row['advice']}", 2, more=2)
+        shares = (f"{name} {100.0 * share:.0f} %" for name, share in row["budget"].items() if share >= LEAST_SHARE)
+        print_text(f"variance: {', '.join(shares)}; {row['advice']}", 2, more=2)
     for name in ("free_air_anomaly", "bouguer_anomaly"):
         if f"{name}_mgal" in row:
             print(f"  {name.replace('_', ' ')} {row[f'{name}_mgal']:+.3f} mGal")
@@ -184,8 +170,8 @@ def _one(row: Mapping[str, Any]) -> None:
 
 def _several(rows: Sequence[Mapping[str, Any]]) -> None:
     print("ledger: corrections, added to gravity, mGal")
-    shown = [_ONE[0], *(Column(str(row["method"]), 12) for row in rows)]
-    for places in blocks(shown):
+    shown = [_ONE[0], *columns(*(f"{row['method']} >12" for row in rows))]
+    for places in tables.blocks(shown):
         print_header([shown[each] for each in places])
         some = [rows[each - 1] for each in places[1:]]
         for k, entry in enumerate(rows[0]["ledger"]):
@@ -207,10 +193,3 @@ def _not_applied(rows: Sequence[Mapping[str, Any]]) -> None:
         print("  not applied:")
     for reason, names in reasons.items():
         print_text(f"{', '.join(names)}: {reason}", more=2)
-
-
-def _sigma(value: float) -> str:
-    """Four decimals, two digits where they would show none, a question mark where nothing is known."""
-    if value != value:
-        return "?"
-    return f"{value:.4f}" if value >= 1e-3 or value == 0.0 else f"{value:.1e}"

@@ -1,37 +1,31 @@
-"""Rows on stdout: a human table whose lines appear as they are known, or JSON Lines."""
+"""Rows on stdout, a table for people or JSON Lines; faults and progress bars on stderr."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from textwrap import TextWrapper
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 LINE = 80  # columns
 SPACE = 2  # between columns
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column: its heading, its least width, and whether its cells stand right (numbers) or left."""
+class Column(NamedTuple):
+    """One column: its heading, its width, and whether its cells stand right (``>``, numbers) or left (``<``)."""
 
     heading: str
-    width: int = 0
-    right: bool = True
-
-    def cell(self, text: str) -> str:
-        """Pad the text to the column."""
-        width = max(self.width, len(self.heading))
-        return text.rjust(width) if self.right else text.ljust(width)
+    width: int
+    side: str
 
 
 def columns(*texts: str) -> tuple[Column, ...]:
     """Columns from texts such as ``"gravity m/s2 >12"``: heading, side on which the cells stand, least width."""
     parts = (text.rpartition(" ") for text in texts)
-    return tuple(Column(heading, int(place[1:]), place[0] == ">") for heading, _, place in parts)
+    return tuple(Column(heading, max(len(heading), int(place[1:])), place[0]) for heading, _, place in parts)
 
 
 def print_header(columns: Sequence[Column]) -> None:
@@ -41,7 +35,7 @@ def print_header(columns: Sequence[Column]) -> None:
 
 def print_row(columns: Sequence[Column], cells: Sequence[str]) -> None:
     """Print one line of a table at once: a long run shows each row when it is done."""
-    padded = (column.cell(text) for column, text in zip(columns, cells, strict=False))
+    padded = (f"{text:{column.side}{column.width}}" for column, text in zip(columns, cells, strict=False))
     print((" " * SPACE).join(padded).rstrip(), flush=True)
 
 
@@ -54,7 +48,7 @@ def print_text(text: str, indent: int = 4, more: int = 0) -> None:
 
 def width_of(columns: Sequence[Column]) -> int:
     """Of a table."""
-    return sum(max(column.width, len(column.heading)) + SPACE for column in columns) - SPACE
+    return sum(column.width + SPACE for column in columns) - SPACE
 
 
 def blocks(columns: Sequence[Column]) -> list[list[int]]:
@@ -102,15 +96,14 @@ def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
     if not rows:
         return
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    cells = [[text(row.get(key)) for key in keys] for row in rows]
-    columns = [
-        Column(key, max(len(line[index]) for line in cells), _is_number([row.get(key) for row in rows]))
-        for index, key in enumerate(keys)
-    ]
+    lines = [keys, *([text(row.get(key)) for key in keys] for row in rows)]
+    sides = [">" if _is_number([row.get(key) for row in rows]) else "<" for key in keys]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    columns = [Column(*each) for each in zip(keys, widths, sides, strict=True)]
     for number, places in enumerate(blocks(columns)):
         if number:
             print()
-        for line in ([column.heading for column in columns], *cells):
+        for line in lines:
             print_row([columns[each] for each in places], [line[each] for each in places])
 
 
@@ -156,3 +149,29 @@ def text(value: Any) -> str:
 def _is_number(values: Sequence[Any]) -> bool:
     known = [value for value in map(plain, values) if value is not None]
     return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known)
+
+
+@contextlib.contextmanager
+def progress(what: str, unit: str) -> Iterator[Callable[..., None] | None]:
+    """A function of the stage, if there are several, of how much is done, and of how much; it draws a bar on stderr.
+
+    None where stderr is no terminal. What takes less than half a second gets no bar.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(desc=what, unit=unit, unit_scale=True, file=sys.stderr, leave=False, delay=0.5) as bar:
+
+        def draw(*told: str | int, note: str = "") -> None:
+            *stage, done, total = told
+            name = ": ".join([what, *map(str, stage)])
+            if stage and (bar.desc != f"{name}: " or total != bar.total):
+                bar.reset(total)
+                bar.set_description(name, refresh=False)
+            bar.total = total
+            bar.set_postfix_str(note, refresh=False)
+            bar.update(done - bar.n)
+
+        yield draw

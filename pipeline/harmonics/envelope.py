@@ -27,6 +27,7 @@ IMAGE_BEATS = 2.0  # beats with the image at the negative frequency that a windo
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
+TERMS = 6  # of a window's fit that are looked at
 LEAST_COVERAGE = 0.7  # of a window's weight; an instant with less has no value
 PASS, STOP = 0.5, 0.85  # of the swing's frequency
 REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
@@ -37,27 +38,17 @@ COARSE = 6.0  # samples a swing that the slow motion needs
 class Envelope:
     """`theta(t) = Re[Z(t) exp(i n0 t)] + slow(t)` for the first pendulum and for the difference."""
 
-    time: Floats
-    """(k,) uniform instants, s from the first sample of the record."""
-    carrier: float
-    """n0, rad s-1."""
-    first: Complexes
-    difference: Complexes
-    """(k,) Z1 and D relative to the carrier, rad; NaN where the window holds too few samples."""
-    first_speed: Complexes
+    time: Floats  # (k,) uniform instants, s from the first sample of the record
+    carrier: float  # n0, rad s-1
+    first: Complexes  # (k,) Z1 relative to the carrier, rad; NaN where the window holds too few samples
+    difference: Complexes  # (k,) D, the same
+    first_speed: Complexes  # (k,) their time derivatives, rad s-1
     difference_speed: Complexes
-    """(k,) their time derivatives, rad s-1."""
-    slow: Floats
-    """(2, k) slow part of first pendulum and difference, rad."""
-    coverage: Floats
-    """(k,) share of the window's weight that held samples of the difference, 0..1."""
-    samples: Floats
-    """(2,) number of samples of first pendulum and difference that each instant stands for (hop x rate x coverage)."""
-    noise_gain: float
-    """Variance of one component of an envelope (mean of the two) per variance of white reading noise, complete
-    window."""
-    taps: Complexes
-    """(m,) weights of a complete window's samples in the amplitude, counted from its own centre."""
+    slow: Floats  # (2, k) slow part of first pendulum and difference, rad
+    coverage: Floats  # (k,) share of the window's weight that held samples of the difference, 0 to 1
+    samples: Floats  # (2,) of first pendulum and difference that each instant stands for (hop x rate x coverage)
+    noise_gain: float  # variance of an envelope's component per variance of white reading noise, complete window
+    taps: Complexes  # (m,) weights of a complete window's samples in the amplitude, counted from its own centre
 
     def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
         """Influence of every sample of the difference on `Re sum conj(by_instant) D`, (count,).
@@ -136,11 +127,20 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
-    slow, samples = fit[:, 2], coverage.mean(axis=1) * every
     real, imaginary = weighted_inverse(basis, weight)[:2]
-    noise, taps = float(0.5 * np.sum(np.square([real, imaginary]))), real - 1j * imaginary
-    both = amplitude[0], amplitude[1], speed[0], speed[1]
-    return Envelope(centres, frequency, *both, slow, coverage[1], samples, noise, taps)
+    return Envelope(
+        time=centres,
+        carrier=frequency,
+        first=amplitude[0],
+        difference=amplitude[1],
+        first_speed=speed[0],
+        difference_speed=speed[1],
+        slow=fit[:, 2],
+        coverage=coverage[1],
+        samples=coverage.mean(axis=1) * every,
+        noise_gain=float(0.5 * np.sum(np.square([real, imaginary]))),
+        taps=real - 1j * imaginary,
+    )
 
 
 def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats]:
@@ -158,23 +158,29 @@ def weighted_inverse(basis: Floats, weight: Floats) -> Floats:
 
 
 def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tuple[Floats, Floats]:
-    """Coefficients (8, k) of windows `every` samples apart, NaN where too little is there; coverage (k,)."""
+    """Coefficients (6, k) of windows `every` samples apart, NaN where too little is there; coverage (k,).
+
+    Those of the amplitude's quadratic change are left out: nobody asks for them.
+    """
     rows, terms = basis.shape
-    hops = -(-rows // every)  # a window as so many stretches from one window's start to the next
-    taps = np.pad(weighted_inverse(basis, weight), ((0, 0), (0, hops * every - rows)))
-    count = (series.size - rows) // every + 1
-    out, coverage = np.zeros((terms, count)), np.ones(count)
-    here = series[: (count - 1 + hops) * every]
-    stretches = np.pad(here, (0, (count - 1 + hops) * every - here.size)).reshape(-1, every)
-    for hop in range(hops):
-        out += taps[:, hop * every : (hop + 1) * every] @ stretches[hop : hop + count].T
+    hops, count = -(-rows // every), (series.size - rows) // every + 1
+    # a window as so many stretches from one window's start to the next: one product for all of them
+    taps, stretches = np.zeros((TERMS, hops * every)), np.zeros((count - 1 + hops) * every)
+    taps[:, :rows] = weighted_inverse(basis, weight)[:TERMS]
+    here = series[: stretches.size]
+    stretches[: here.size] = here
+    by_hop = taps.reshape(TERMS, hops, every).swapaxes(0, 1).reshape(-1, every)
+    products = (by_hop @ stretches.reshape(-1, every).T).reshape(hops, TERMS, -1)
+    out, coverage = np.zeros((TERMS, count)), np.ones(count)
+    for hop, product in enumerate(products):
+        out += product[:, hop : hop + count]
     for k in np.flatnonzero(np.isnan(out[0])):
         values = series[k * every : k * every + rows]
         present = np.isfinite(values)
         coverage[k] = weight[present].sum() / weight.sum()
         out[:, k] = np.nan
         if coverage[k] >= LEAST_COVERAGE and present.sum() >= 2 * terms:
-            out[:, k] = weighted_inverse(basis[present], weight[present]) @ values[present]
+            out[:, k] = weighted_inverse(basis[present], weight[present])[:TERMS] @ values[present]
     return out, coverage
 
 
@@ -182,14 +188,11 @@ def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tu
 class SlowMotion:
     """psi and zeta at uniform instants."""
 
-    begin: float
-    step: float
-    """First instant and distance, s."""
-    angle: Floats
-    curvature: Floats
-    """(k,) psi, rad; psi'', s-2."""
-    zeta: Floats | None
-    """(k,) z''/g in the same band; None where none is recorded."""
+    begin: float  # first instant, s
+    step: float  # s
+    angle: Floats  # (k,) psi, rad
+    curvature: Floats  # (k,) psi'', s-2
+    zeta: Floats | None  # (k,) z''/g in the same band; None where none is recorded
 
     @property
     def time(self) -> Floats:

@@ -81,20 +81,14 @@ def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
 class ComplexForm:
     """What is held while the complex form is fitted."""
 
-    time: Floats
-    """(k,) uniform instants, s."""
-    difference: Complexes
-    first: Complexes
-    first_speed: Complexes
-    """(k,) envelopes of the difference and of the first pendulum relative to the carrier, rad, and the derivative of
-    the latter, rad s-1; without gaps, but that instants of the difference without weight may hold anything
-    finite."""
-    weight: Floats
-    """(k,) of the instants (0 = missing)."""
-    carrier: float
-    ratio: float
-    damping_difference: float
-    """n0, rad s-1; n1/n2; gamma1 - gamma2, s-1."""
+    time: Floats  # (k,) uniform instants, s
+    difference: Complexes  # (k,) envelope relative to the carrier, rad; anything finite where it has no weight
+    first: Complexes  # (k,) the same of the first pendulum, without gaps
+    first_speed: Complexes  # (k,) its derivative, rad s-1
+    weight: Floats  # (k,) of the instants, 0 where missing
+    carrier: float  # n0, rad s-1
+    ratio: float  # n1/n2
+    damping_difference: float  # gamma1 - gamma2, s-1
 
     def model(self, frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
         """The model (k,) of a trial (n2, gamma2) from the best start D0, and growth `e^{mu t}` (k,)."""

@@ -7,12 +7,13 @@ a linear model diverges.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Complexes, Floats
@@ -49,9 +50,15 @@ def taps(eigenvalue: complex, frequency: float, step: float, count: int = NODES)
     return np.asarray(cardinal(0.5 * _GAUSS, frequency * step, count) @ turned)
 
 
+@lru_cache(maxsize=16)
+def _onward(angle: float) -> Floats:
+    """Weights (8, 3) of the last eight samples in the three that follow."""
+    return cardinal(np.arange(3.0) + 0.5 * (NODES + 1), angle)
+
+
 def padded(series: Floats, frequency: float, step: float) -> Floats:
     """A series continued by three samples on either side by the same functions, for the intervals at its ends."""
-    onward = cardinal(np.arange(3.0) + 0.5 * (NODES + 1), frequency * step)
+    onward = _onward(frequency * step)
     return np.concatenate([(series[NODES - 1 :: -1] @ onward)[::-1], series, series[-NODES:] @ onward])
 
 
@@ -88,36 +95,32 @@ def weights(frequency: float, gamma: float, ratio: float, damping_difference: fl
 
 
 ITERATIONS = 12
-SETTLED = 1e-6  # rad at the record's end: what is left after such a step is a thousandth of it at most
-ZERO_LINE = 3  # its number among the parameters: start, start, n2, zero line, gamma2
+SETTLED = 1e-5  # rad at the record's end: what is left after such a step is a thousandth of it at most
 OUTLIER = 7.0  # sigmas
 FLOOR = 1e-4  # of the amplitude: what departs less may be the quadrature at the ends
 
-Expansion = Callable[[Floats, float], tuple[Floats, Floats, Floats]]
-"""(d, n2) -> N(d), s-2 rad, and its derivatives by d and by n2."""
+Expansion = Callable[[Floats, float], tuple[Floats, Floats | float, Floats]]
+"""(d, n2) -> N(d), s-2 rad, and its derivatives by d (a number where it is the same at all samples) and by n2."""
 
 
 @dataclass(frozen=True)
 class Fit:
     """Least squares for the start, n2, gamma2 and the zero line."""
 
-    frequency: float
-    damping_rate: float
-    """n2 at infinitesimal arc, rad s-1, and gamma2, s-1."""
-    noise: float
-    """1-sigma residual, rad."""
-    model: Floats
-    residual: Floats
-    """(n,) of the difference, rad."""
-    influence: Floats
-    """(n,) d n2 / d (sample of the difference), s-1."""
-    stiffness: Floats
-    """(n,) dN/dd, s-2."""
+    frequency: float  # n2 at infinitesimal arc, rad s-1
+    damping_rate: float  # gamma2, s-1
+    noise: float  # 1-sigma residual, rad
+    model: Floats  # (n,) of the difference, rad
+    residual: Floats  # (n,) rad
+    influence: Floats  # (n,) d n2 / d (sample of the difference), s-1
+    stiffness: Floats | float  # (n,) dN/dd, s-2
     weights: Weights
 
     @property
     def adjoint(self) -> Floats:
         """d n2 by what is added to the model's right-hand side at a sample, (n,)."""
+        from scipy.linalg.lapack import dtbtrs
+
         return np.asarray(dtbtrs(system(self.weights, self.stiffness), self.influence, uplo="L", trans="T")[0])
 
     @property
@@ -130,27 +133,24 @@ class Fit:
 class Identity:
     """A record as an identity sees it; all samples are there."""
 
-    seen: Observation
-    held: float
-    """h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows."""
+    observation: Observation
+    held: float  # h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows
     expand: Expansion
-    """See `Expansion`."""
-    inside: slice = field(default_factory=lambda: slice(None))
-    """The samples that are fitted."""
+    inside: slice = field(default_factory=lambda: slice(None))  # samples that are fitted
 
     def source(self, by: Weights, series: Floats) -> Floats:
         """What a right-hand side adds at each sample but the first two, (n - 2,)."""
-        return np.correlate(padded(series, self.held, self.seen.step), by.source, "valid")
+        return np.correlate(padded(series, self.held, self.observation.step), by.source, "valid")
 
     def defect(self, by: Weights, angle: Floats, right: Floats) -> Floats:
         """What is missing to the identity at an angle of the difference with its N, (n - 2,)."""
-        theta = self.seen.theta[self.inside]
-        driven = np.correlate(padded(theta, self.held, self.seen.step), by.driven, "valid")
+        theta = self.observation.theta[self.inside]
+        driven = np.correlate(padded(theta, self.held, self.observation.step), by.driven, "valid")
         return self.source(by, right) + driven - np.correlate(angle - by.direct * theta, by.swing, "valid")
 
     def weights(self, gamma: float) -> Weights:
         """Weights of the identity at a trial gamma2, s-1."""
-        seen = self.seen
+        seen = self.observation
         return weights(self.held, gamma, seen.frequency_ratio, seen.damping_difference, seen.step)
 
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
@@ -166,55 +166,78 @@ class Identity:
         RefusedError
             No swing at the nominal period, or an outlier.
         """
-        about = difference = self.seen.difference[self.inside]
-        count, step = about.size, self.seen.step
+        about = difference = self.observation.difference[self.inside]
+        count, step = about.size, self.observation.step
         # n2 with which the nonlinear pull does the work that the held frequency does
         work = float(self.expand(about, self.held)[0] @ about) / float(about @ about)
         frequency = float(self.held / np.sqrt(1.0 - work / self.held**2))
-        columns = np.ones((count, 6 if fit_damping else 5), order="F")
+        columns = np.ones((5 if fit_damping else 4, count))  # free swings, by n2, zero line, by gamma2
         for _ in range(ITERATIONS):
             by = self.weights(gamma)
             right, stiffness, by_frequency = self.expand(about, frequency)
-            columns[:, 1:3] = 0.0
-            # the defect; a cosine and a sine; by n2
-            columns[:2, :4] = (0.0, 1.0, 0.0, 0.0), (0.0, 0.5 * by.swing[1], 1.0, 0.0)
-            columns[2:, 0] = self.defect(by, about, right)
-            columns[2:, 3] = self.source(by, by_frequency)
-            columns[:, :4] = dtbtrs(system(by, stiffness), columns[:, :4], uplo="L", overwrite_b=True)[0]
+            sources = self.defect(by, about, right), self.source(by, by_frequency)
+            columns[0], columns[1], missing, columns[2] = responses(by, stiffness, *sources)
             if fit_damping:
-                columns[:, 5] = step * (0.5 * (count - 1) - np.arange(count)) * about
-            about = about + columns[:, 0]
-            change, inverse = least_squares(columns[:, 1:], difference - about)
-            about += columns[:, 1:] @ np.where(np.arange(change.size) == ZERO_LINE, 0.0, change)
+                columns[4] = step * (0.5 * (count - 1) - np.arange(count)) * about
+            about = about + missing
+            change, inverse = least_squares(columns, difference - about)
+            zero_line, change[3] = float(change[3]), 0.0
+            about += change @ columns
             frequency, gamma = frequency + float(change[2]), gamma + float(change[4:].sum())
             _require_swing_near(frequency, gamma)
-            if np.abs(np.delete(change, [0, 1, ZERO_LINE])).max() * step * count < SETTLED:
+            if np.abs(change[2:]).max() * step * count < SETTLED:
                 break
-        residual = difference - about - change[ZERO_LINE]
+        residual = difference - about - zero_line
         noise = float(np.linalg.norm(residual) / np.sqrt(max(count - change.size, 1)))
         if np.abs(residual).max() > max(OUTLIER * noise, FLOOR * float(np.sqrt(2.0) * about.std())):
             raise RefusedError("record/elongation: the difference has outliers; use --method joint")
-        return Fit(frequency, gamma, noise, about, residual, columns[:, 1:] @ inverse[2], stiffness, by)
+        return Fit(frequency, gamma, noise, about, residual, inverse[2] @ columns, stiffness, by)
 
 
-def system(by: Weights, stiffness: Floats) -> Floats:
+def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple[Floats, ...]:
+    """Two free swings of an identity, and its responses to sources (n - 2,) from its third sample on; (n,) each."""
+    count = sources[0].size + 2
+    if isinstance(stiffness, float):  # constant coefficients: a complex exponential and running sums, in blocks
+        before, middle, own = by.swing - by.near * stiffness
+        turn = complex(-middle, np.sqrt(4.0 * own * before - middle**2)) / (2.0 * own)
+        size = int(np.ceil(np.sqrt(count)))
+        swing, whole = turn ** np.arange(size), turn**size
+        free = np.outer(whole ** np.arange(size), swing).ravel()[:count]
+        rows, laid = [free.real, free.imag], np.zeros(size * size)
+        for source in sources:
+            laid[2:count] = source
+            sums = np.cumsum(laid.reshape(size, size) * swing**-1, axis=1)
+            lasts = sums[:-1, -1].tolist()
+            carried = itertools.accumulate(lasts, lambda state, last: whole * (state + last), initial=0j)
+            sums += np.array(list(carried))[:, None]
+            rows.append((sums * (turn / (own * turn.imag) * swing)).imag.ravel()[:count])
+        return tuple(rows)
+    from scipy.linalg.lapack import dtbtrs
+
+    columns = np.zeros((count, 2 + len(sources)), order="F")
+    columns[:2, :2] = (1.0, 0.0), (0.5 * by.swing[1], 1.0)  # a cosine and a sine
+    columns[2:, 2:] = np.stack(sources, axis=1)
+    return tuple(dtbtrs(system(by, stiffness), columns, uplo="L", overwrite_b=True)[0].T)
+
+
+def system(by: Weights, stiffness: Floats | float) -> Floats:
     """Lower band matrix (3, n) of an identity whose right-hand side changes with the angle by `stiffness`."""
-    return (by.swing[::-1] - by.near[::-1] * stiffness[:, None]).T
+    return np.asarray(by.swing[::-1] - by.near[::-1] * np.asarray(stiffness)[..., None]).T
 
 
 def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Coefficients of the columns (n, k) for values (n,), and their covariance (k, k) per variance of white noise.
+    """Coefficients of the columns (k, n) for values (n,), and their covariance (k, k) per variance of white noise.
 
     Raises
     ------
     RefusedError
         Too few samples, or samples that are no numbers.
     """
-    gram = columns.T @ columns
-    if not np.all(np.isfinite(gram)) or len(columns) < 2 * len(gram):
+    gram = np.stack([columns @ column for column in columns])
+    if not np.all(np.isfinite(gram)) or values.size < 2 * len(gram):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
     inverse = scaled_inverse(gram)
-    return inverse @ (columns.T @ values), inverse
+    return inverse @ (columns @ values), inverse
 
 
 def _require_swing_near(frequency: float, damping_rate: float) -> None:
@@ -225,8 +248,8 @@ def _require_swing_near(frequency: float, damping_rate: float) -> None:
 def linear(held: float) -> Expansion:
     """N of linear pendulums."""
 
-    def expand(angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
+    def expand(angle: Floats, frequency: float) -> tuple[Floats, float, Floats]:
         softer = held**2 - frequency**2
-        return softer * angle, np.full(angle.size, softer), -2.0 * frequency * angle
+        return softer * angle, softer, -2.0 * frequency * angle
 
     return expand

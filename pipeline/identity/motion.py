@@ -26,12 +26,9 @@ REJECTION = 150.0  # dB
 class Filters(NamedTuple):
     """Taps over `2 reach + 1` samples; `out[k] = sum_j taps[j] theta[k - reach + j]`."""
 
-    low: Floats
-    """Low-pass, gain 1."""
-    curvature: Floats
-    """theta'' + 2 gamma theta', s-2."""
-    reach: int
-    """Samples lost at each end."""
+    low: Floats  # low-pass, gain 1
+    curvature: Floats  # theta'' + 2 gamma theta', s-2
+    reach: int  # samples lost at each end
 
 
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
@@ -75,25 +72,22 @@ def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
 class Motion:
     """First pendulum and heave, of the samples less the ends that the filters lose."""
 
-    seen: Observation
-    inside: slice
-    """These samples, in the record."""
+    observation: Observation
+    inside: slice  # these samples, in the record
     filters: Filters
-    low: Floats
-    bend: Floats
-    """(m,) theta1 free of the noise above three times the swing, rad; `n2^2 w = (theta1'' + 2 gamma1 theta1') /
-    ratio^2`, s-2."""
-    shift: float
-    """What the noise of theta1 that the filters let pass adds to the factor of sin d on average, s-2."""
-    held: float
-    """h, rad s-1."""
+    low: Floats  # (m,) theta1 free of the noise above three times the swing, rad
+    bend: Floats  # (m,) `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`, s-2
+    shift: float  # what the noise of theta1 that the filters pass adds to the factor of sin d on average, s-2
+    held: float  # h, rad s-1
 
     def stiffness(self, frequency: float) -> Floats | float:
         """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""
         square = frequency**2
-        if self.seen.vertical is None:
+        if self.observation.vertical is None:
             return square
-        return np.asarray(square + square / self.seen.felt_gravity(frequency) * self.seen.vertical[self.inside])
+        return np.asarray(
+            square + square / self.observation.felt_gravity(frequency) * self.observation.vertical[self.inside]
+        )
 
     def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
         """`N(d) = h^2 d - n2^2 F(d)` of real pendulums and its derivatives by d and n2, see `Identity`."""
@@ -105,25 +99,25 @@ class Motion:
 
     def influence(self, fit: Fit) -> Floats:
         """d n2 / d (sample of the first pendulum), s-1, of the whole record, from a fit of the difference."""
-        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(self.seen.theta.size)
+        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(self.observation.theta.size)
         driven, source = (np.convolve(adjoint, taps)[3:-3] for taps in (by.driven, by.source))
         out[self.inside] = driven + by.direct * np.convolve(adjoint, by.swing)
         # what of the nonlinear terms comes from the first pendulum as it is, and from its acceleration
         tangent, sine = np.tan(self.low), np.sin(fit.model)
         plain = -(self.stiffness(fit.frequency) * np.sin(self.low) + self.bend) / np.cos(self.low) ** 2 * sine
-        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.seen.frequency_ratio**2
+        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.observation.frequency_ratio**2
         out += np.convolve(source * plain, self.filters.low) + np.convolve(source * bent, self.filters.curvature)
         return -out
 
 
 def motion(
-    seen: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
+    observation: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
 ) -> Motion:
     """Filter the first pendulum.
 
     Parameters
     ----------
-    seen : Observation
+    observation : Observation
         Whole.
     frequency, damping_rate : float
         h, about which the filters are exact, rad s-1; gamma2, s-1.
@@ -133,18 +127,18 @@ def motion(
         Where it is given the swing's third harmonic is computed from it and not read: noise there comes back to the
         swing nine times as strong, and more of it than of any other.
     """
-    own, ratio = frequency * seen.frequency_ratio, seen.frequency_ratio
-    filters = design(own, seen.step, damping_rate + seen.damping_difference, envelope is not None)
-    inside = slice(filters.reach, seen.theta.size - filters.reach)
-    curved = np.correlate(seen.theta, filters.curvature, "valid")
+    own, ratio = frequency * observation.frequency_ratio, observation.frequency_ratio
+    filters = design(own, observation.step, damping_rate + observation.damping_difference, envelope is not None)
+    inside = slice(filters.reach, observation.theta.size - filters.reach)
+    curved = np.correlate(observation.theta, filters.curvature, "valid")
     if envelope is not None:
-        curved -= (3.0 * own) ** 2 * third_harmonic(envelope, seen.time[inside])
+        curved -= (3.0 * own) ** 2 * third_harmonic(envelope, observation.time[inside])
     passed = 0.5 * frequency**2 * filters.low @ filters.low + filters.low @ filters.curvature * ratio**-2
     return Motion(
-        seen=seen,
+        observation=observation,
         inside=inside,
         filters=filters,
-        low=np.correlate(seen.theta, filters.low, "valid"),
+        low=np.correlate(observation.theta, filters.low, "valid"),
         bend=curved * ratio**-2,
         shift=noise**2 * float(passed),  # mean of 1/cos theta1 and of theta1 w
         held=frequency,

@@ -19,8 +19,8 @@ from pipeline.joint.constants import is_mode
 from pipeline.joint.course import is_knot, mean_row, prior_root
 from pipeline.joint.explanation import Fitted
 from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.ledger.apparatus import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 from pipeline.ledger.entry import MGAL
+from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 
 LARGER = 1.1  # a noise, for its share
 SOURCES = {

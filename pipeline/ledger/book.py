@@ -4,61 +4,26 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType, ModuleType
+from types import MappingProxyType
 
 import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.variables import add_constant
-from pipeline.ledger import (
-    air_density,
-    base_tie,
-    chronometer,
-    eotvos,
-    finite_arc,
-    flexure,
-    horizontal_acceleration,
-    non_isochronism,
-    planes,
-    rocking,
-    temperature,
-    tide,
-    tilt,
-    transverse_acceleration,
-    vertical_acceleration,
-    yaw,
-)
-from pipeline.ledger.apparatus import CASE_TILT, CLOCK_STEPS, SCALE, ZERO, Part
-from pipeline.ledger.entry import ASSUMED, MGAL, Case, Change, Entry, absent
-
-Correction = ModuleType | Part
+from pipeline.ledger import instrument, own, stand
+from pipeline.ledger.entry import ASSUMED, MGAL, Case, Change, Correction, Entry, absent
+from pipeline.ledger.eotvos import way
+from pipeline.ledger.tide import moon_and_sun
 
 OWN: tuple[Correction, ...] = (
-    non_isochronism,
-    ZERO,
-    SCALE,
-    CLOCK_STEPS,
-    finite_arc,
-    CASE_TILT,
-    horizontal_acceleration,
-    vertical_acceleration,
-)
+    own.non_isochronism, own.ZERO, own.SCALE, own.CLOCK_STEPS, own.finite_arc, own.CASE_TILT,
+    own.horizontal_acceleration, own.vertical_acceleration,
+)  # fmt: skip
 """What a method corrects itself: parts of the one frequency that it gives."""
-
 GIVEN: list[Correction] = [
-    transverse_acceleration,
-    rocking,
-    planes,
-    chronometer,
-    temperature,
-    air_density,
-    flexure,
-    base_tie,
-    yaw,
-    tilt,
-    eotvos,
-    tide,
-]
+    stand.transverse_acceleration, stand.rocking, stand.planes, instrument.chronometer, instrument.temperature,
+    instrument.air_density, instrument.flexure, instrument.base_tie, stand.yaw, stand.tilt, way, moon_and_sun,
+]  # fmt: skip
 """What the record states of clock, instrument, stand and way, in the order in which it is applied."""
 GROUP = "isochrony.corrections"
 """Of entry points."""
@@ -85,8 +50,8 @@ def register_correction(
 
     Parameters
     ----------
-    correction : module or object
-        With NAME, FORMULA, SOURCE, NEEDS, USES and `change`; see `pipeline.ledger`.
+    correction : object
+        With NAME, FORMULA, SOURCE, NEEDS, USES and `change`, as `pipeline.ledger.entry.Correction`.
     variables : mapping
         Numbers of /instrument that it needs and the table has not: name to unit and meaning.
 
@@ -102,7 +67,7 @@ def register_correction(
     GIVEN.append(correction)
 
 
-def own(case: Case) -> dict[str, Entry]:
+def own_entries(case: Case) -> dict[str, Entry]:
     """What the method itself corrected, split into its parts."""
     return _balance(case, OWN, case.gravity_of(case.estimate.uncorrected))[1]
 
@@ -113,27 +78,21 @@ def given(case: Case) -> tuple[float, dict[str, Entry]]:
     return _balance(case, GIVEN, case.gravity_of(case.estimate.frequency))
 
 
-def _balance(case: Case, modules: Sequence[Correction], gravity: float) -> tuple[float, dict[str, Entry]]:
+def _balance(case: Case, corrections: Sequence[Correction], gravity: float) -> tuple[float, dict[str, Entry]]:
     constants = case.prepared.observation.constants
     ledger = {}
-    for module in modules:
-        missing = absent(constants, module.NEEDS)
-        change: Change = Change(gravity, 0.0, missing, applied=False) if missing else module.change(case, gravity)
+    for each in corrections:
+        missing = absent(constants, each.NEEDS)
+        change: Change = Change(gravity, 0.0, missing, applied=False) if missing else each.change(case, gravity)
         value, stated = (change.gravity - gravity) / MGAL, not np.isnan(change.sigma)
-        ledger[module.NAME] = Entry(
+        wanted = dict.fromkeys((*each.NEEDS, *(f"{name}_uncertainty" for name in each.NEEDS), *each.USES))
+        ledger[each.NAME] = Entry(
             value=value,
             sigma=change.sigma if stated else ASSUMED * abs(value),
             applied=change.applied,
             reason=change.reason + ("" if stated else f"; no uncertainty stated, {100.0 * ASSUMED:g} % assumed"),
-            inputs=inputs(case, module) if change.applied else (),
+            inputs=tuple(f"instrument/{name}" for name in wanted if name in constants) if change.applied else (),
             stated=stated,
         )
         gravity = change.gravity
     return gravity, ledger
-
-
-def inputs(case: Case, module: Correction) -> tuple[str, ...]:
-    """Names of the record's variables that a correction was made from."""
-    constants = case.prepared.observation.constants
-    wanted = [*module.NEEDS, *(f"{name}_uncertainty" for name in module.NEEDS), *module.USES]
-    return tuple(dict.fromkeys(f"instrument/{name}" for name in wanted if name in constants))

@@ -8,6 +8,7 @@ averages of a phase speed do not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,7 +24,6 @@ from pipeline.prepared import Prepared
 MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
 ASSUMED = 0.01  # of a correction whose inputs state no uncertainty, 1 sigma
-UNKNOWN = float("nan")  # uncertainty of a correction whose input states none
 
 
 @dataclass(frozen=True)
@@ -58,30 +58,35 @@ class Change:
     applied: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """One correction; `change(case, gravity)` gives the next value of gravity, m s-2."""
+
+    NAME: str  # in results
+    FORMULA: str  # in words and symbols
+    SOURCE: str  # of the formula
+    NEEDS: tuple[str, ...]  # variables of /instrument without which it is listed as not applied
+    USES: tuple[str, ...]  # further ones that it may use, the uncertainties of NEEDS apart
+    change: Callable[[Case, float], Change]
+
+
+def correction(
+    name: str, formula: str, source: str, needs: tuple[str, ...] = (), *, uses: tuple[str, ...] = ()
+) -> Callable[[Callable[[Case, float], Change]], Correction]:
+    """Make a correction of the function that follows."""
+    return lambda change: Correction(name, formula, source, needs, uses, change)
+
+
 @dataclass(frozen=True)
 class Case:
-    """One method's estimate with all that corrections may ask.
-
-    Attributes
-    ----------
-    estimate : Estimate
-    prepared : Prepared
-    gain_uncertainty : float
-        Relative, 1 sigma.
-    scale : float
-        Change of gravity for a change of n2, mGal per rad s-1.
-    by_ratio : float
-        Change of gravity for a relative change of n1/n2, mGal.
-    by_period : float
-        Change of gravity for a relative change of the reference period, mGal: 2 g.
-    """
+    """One method's estimate with all that corrections may ask."""
 
     estimate: Estimate
     prepared: Prepared
-    gain_uncertainty: float
-    scale: float
-    by_ratio: float
-    by_period: float
+    gain_uncertainty: float  # relative, 1 sigma
+    scale: float  # change of gravity for a change of n2, mGal per rad s-1
+    by_ratio: float  # change of gravity for a relative change of n1/n2, mGal
+    by_period: float  # the same of the reference period: 2 g
 
     @cached_property
     def shares(self) -> Shares:
@@ -143,10 +148,15 @@ class Case:
         """1 sigma, mGal, of independent relative uncertainties of the two periods."""
         return float(np.hypot(self.of_periods(changes[0], 0.0), self.of_periods(0.0, changes[1])))
 
-    def sigma(self, **parts: float | None) -> float:
+    def sigma(self, *parts: float | None) -> float:
         """Root sum of squares of 1-sigma parts; NaN where every one of them is None (states no uncertainty)."""
-        known = [part for part in parts.values() if part is not None]
-        return float(np.sqrt(sum(part**2 for part in known))) if known else UNKNOWN
+        known = [part for part in parts if part is not None]
+        return float(np.linalg.norm(known)) if known else float("nan")
+
+    def alone(self, first: float, second: float) -> str:
+        """What either pendulum alone would need, mGal, in words."""
+        seen = self.prepared.observation
+        return f"pendulum {seen.first} alone {first:+.2f} mGal, pendulum {seen.second} {second:+.2f}"
 
 
 def absent(constants: Constants, needs: tuple[str, ...]) -> str:
@@ -157,26 +167,14 @@ def absent(constants: Constants, needs: tuple[str, ...]) -> str:
 
 @dataclass(frozen=True)
 class Shares:
-    """Parts of a method's own correction of n2, rad s-1, ADDED.
+    """Parts of a method's own correction of n2, rad s-1, ADDED."""
 
-    Attributes
-    ----------
-    arc, horizontal, vertical : float
-        Finite arc, horizontal and vertical acceleration of the support.
-    by_gain : float
-        Change of all of them for a relative change of the first trace's gain.
-    squares : (float, float)
-        Mean square amplitudes of the two pendulums, rad2.
-    reduced : bool
-        Whether the method reduces accelerations as they act on real pendulums.
-    """
-
-    arc: float = 0.0
-    horizontal: float = 0.0
+    arc: float = 0.0  # finite arc
+    horizontal: float = 0.0  # acceleration of the support
     vertical: float = 0.0
-    by_gain: float = 0.0
-    squares: tuple[float, float] = (0.0, 0.0)
-    reduced: bool = False
+    by_gain: float = 0.0  # change of all of them for a relative change of the first trace's gain
+    squares: tuple[float, float] = (0.0, 0.0)  # mean square amplitudes of the two pendulums, rad2
+    reduced: bool = False  # whether the method reduces accelerations as they act on real pendulums
 
 
 def shares(estimate: Estimate, prepared: Prepared) -> Shares:

@@ -7,37 +7,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.ledger.entry import MGAL, Case, Change
+from pipeline.ledger.entry import MGAL, Case, Change, correction
 
 if TYPE_CHECKING:
     from pipeline.conditions import Constants
 
-NAME = "eotvos"
-FORMULA = (
-    "2 w v sin(course) cos(lat) + v^2 (cos(course)^2/M + sin(course)^2/N); "
-    "with v in knots 7.503 v cos(lat) sin(course) + 0.00415 v^2 mGal"
-)
-SOURCE = "Eotvos 1919, Ann. Phys. 364, 743; Harlan 1968, J. Geophys. Res. 73, 4675"
 NEEDS = ("latitude", "speed", "course")
-USES: tuple[str, ...] = ()
-
 TURN = 7.292115e-5  # rad s-1, GRS80 (Moritz 1980), as the two below
 AXIS = 6378137.0  # m
 SQUARE_ECCENTRICITY = 0.00669438002290
 
 
-def change(case: Case, gravity: float) -> Change:
+@correction(
+    "eotvos",
+    "2 w v sin(course) cos(lat) + v^2 (cos(course)^2/M + sin(course)^2/N); "
+    "with v in knots 7.503 v cos(lat) sin(course) + 0.00415 v^2 mGal",
+    "Eotvos 1919, Ann. Phys. 364, 743; Harlan 1968, J. Geophys. Res. 73, 4675",
+    NEEDS,
+)
+def way(case: Case, gravity: float) -> Change:
     """Add what the ship's way takes off; of a way that changes within the record its mean."""
     given = navigation(case.prepared.observation.constants)
-    parts: dict[str, float | None] = {}
+    parts: list[float | None] = []
     for k, name in enumerate(NEEDS):
         own = case.uncertainty(name)
         above, below = (eotvos(*(x + sign * (own or 0.0) * (i == k) for i, x in enumerate(given))) for sign in (1, -1))
-        parts[name] = None if own is None else case.mean_over_record(0.5 * (above - below)) / MGAL
-    sigma = case.sigma(**parts)
+        parts.append(None if own is None else case.mean_over_record(0.5 * (above - below)) / MGAL)
     latitude, speed, course = (_span(x) for x in given)
-    told = f"{speed} m/s on {course} deg at {latitude} deg"
-    return Change(gravity + case.mean_over_record(eotvos(*given)), sigma, told)
+    words = f"{speed} m/s on {course} deg at {latitude} deg"
+    return Change(gravity + case.mean_over_record(eotvos(*given)), case.sigma(*parts), words)
 
 
 def navigation(constants: Constants) -> list[Any]:

@@ -40,7 +40,7 @@ DECLARED: dict[str, Method] = {
         "slope of the difference pendulum's phase, nothing corrected",
     ),
     "vening-meinesz": Method(
-        "pipeline.methods.vening_meinesz:estimate",
+        "pipeline.methods.phases:vening_meinesz",
         "formula (9)",
         "formula (9), the fictitious pendulum with the raw first pendulum",
     ),
@@ -48,7 +48,7 @@ DECLARED: dict[str, Method] = {
         "pipeline.methods.phases:panteleev", "paper's formula (27)", "formula (27), the separated free harmonic"
     ),
     "general": Method(
-        "pipeline.methods.general:estimate",
+        "pipeline.methods.phases:general",
         "corrected formula (38)",
         "formulas (36) and (38) with the model's phase speeds, finite arc, slow acceleration of the support",
     ),
@@ -58,12 +58,12 @@ DECLARED: dict[str, Method] = {
         "complex form of (27), works where the amplitude passes through zero",
     ),
     "projection": Method(
-        "pipeline.methods.projection:estimate",
+        "pipeline.methods.exact:projection",
         "exact if it is linear",
         "exact identity of linear pendulums, clean uniform records",
     ),
     "shooting": Method(
-        "pipeline.methods.shooting:estimate",
+        "pipeline.methods.exact:shooting",
         "exact inversion",
         "exact identity of real pendulums, clean uniform records; heave as recorded, or none",
     ),

@@ -47,16 +47,12 @@ def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
 class Cycles:
     """Rising and falling crossings of the rest position and the turning points between them."""
 
-    rising: Floats
+    rising: Floats  # (k,) times of the crossings, s
     falling: Floats
-    """(k,) times of the crossings, s."""
-    turning_time: Floats
-    turning: Floats
-    """(m,) time (s) and elongation (rad) of each extreme, maxima and minima in turn."""
-    rest: float
-    """Rest position, rad."""
-    rough_period: float
-    """Median distance of rising crossings, s."""
+    turning_time: Floats  # (m,) s, of maxima and minima in turn
+    turning: Floats  # (m,) elongation there, rad
+    rest: float  # rest position, rad
+    rough_period: float  # median distance of rising crossings, s
 
 
 def find_cycles(time: Floats, theta: Floats) -> Cycles:
@@ -159,12 +155,9 @@ def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: floa
 class Decay:
     """Friction of one pendulum."""
 
-    damping_rate: float
-    """gamma, s-1."""
-    quadratic: float
-    """c of theta'' = -c |theta'| theta'."""
-    dry: float
-    """delta, rad: by so much the middle of a half swing lies behind the rest."""
+    damping_rate: float  # gamma, s-1
+    quadratic: float  # c of theta'' = -c |theta'| theta'
+    dry: float  # delta, rad: by so much the middle of a half swing lies behind the rest
 
     @property
     def words(self) -> str:

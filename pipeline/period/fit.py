@@ -33,29 +33,20 @@ ROUNDS = 8
 class PeriodFit:
     """Period of a single pendulum."""
 
-    period: float
-    sigma: float
-    """Full period at infinitesimal arc and its 1-sigma uncertainty, s."""
-    amplitude_scale: float
+    period: float  # full, at infinitesimal arc, s
+    sigma: float  # its 1 sigma, s
+    amplitude_scale: float  # relative departure of the true amplitude from the recorded one, by the period's trend
     amplitude_scale_sigma: float
-    """Relative departure of the true amplitude from the recorded one that the period's trend with amplitude asks
-    for."""
-    scaled: bool
-    """Whether that scale is significant."""
-    time: Floats
-    amplitude: Floats
-    cycle_period: Floats
-    smoothed: Floats
-    reduced: Floats
-    """(k,) middle of each cycle (s), amplitude (rad), full period, the same smoothed (the running mean of the
-    reduced period times the arc factor), and period over elliptic factor (s)."""
-    rest: float
-    """Rest position, rad."""
-    trend: float
-    """Spread of the reduced period's running mean over the record, relative."""
-    drift: float
+    scaled: bool  # whether that scale is significant
+    time: Floats  # (k,) middle of each cycle, s
+    amplitude: Floats  # (k,) rad
+    cycle_period: Floats  # (k,) full period, s
+    smoothed: Floats  # (k,) the same smoothed: running mean of the reduced period times the arc factor
+    reduced: Floats  # (k,) period over elliptic factor, s
+    rest: float  # rest position, rad
+    trend: float  # spread of the reduced period's running mean over the record, relative
+    drift: float  # change of the rest position over the record, rad
     drift_sigma: float
-    """Change of the rest position over the record, rad."""
     friction: Decay
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.arrays import Floats, row_means_present
+from pipeline.arrays import row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
 
 if TYPE_CHECKING:
@@ -44,6 +44,11 @@ class Strip(NamedTuple):
     left: int
     right: int
 
+    @property
+    def rows(self) -> slice:
+        """Its rows."""
+        return slice(self.first, self.stop)
+
 
 def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
     """Draw a film and what was read of it, time to the right: all of it, or from `start` to `stop`, s.
@@ -51,9 +56,10 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
     `UsageError` where the film shows nothing of that time.
     """
     first, last = _rows(reading, start, stop)
-    strips = _strips(reading.scan, first, last, _reach(reading, first, last), _seconds_per_row(reading))
-    title = "Film, and what was read of it"
-    figure, axes = _sheet(title, _subtitle(reading), strips)
+    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
+    per_row = np.ptp(reading.axis.seconds[known[[0, -1]]]) / np.ptp(known) if known.size > 1 else 0.0
+    strips = _strips(reading.scan, first, last, _reach(reading, first, last), float(per_row))
+    figure, axes = _sheet("Film, and what was read of it", _subtitle(reading), strips)
     for place, strip in zip(axes, strips, strict=True):
         _draw_image(place, reading.scan, strip)
         _draw_traces(place, reading, strip)
@@ -87,29 +93,19 @@ def _rows(reading: Reading, start: float | None, stop: float | None) -> tuple[in
     if start is None and stop is None:
         return 0, reading.scan.rows
     seconds = reading.axis.seconds
-    known = np.flatnonzero(np.isfinite(seconds))
-    begin, end = (float(seconds[known[0]]), float(seconds[known[-1]])) if known.size else (0.0, 0.0)
-    inside = known[
-        (seconds[known] >= (begin if start is None else start)) & (seconds[known] <= (end if stop is None else stop))
-    ]
+    low, high = -np.inf if start is None else start, np.inf if stop is None else stop
+    inside = np.flatnonzero((seconds >= low) & (seconds <= high))
     if inside.size < 8:
+        known = seconds[np.isfinite(seconds)]
+        begin, end = known[[0, -1]] if known.size else (0.0, 0.0)
         raise UsageError(f"the film reaches from {begin:.1f} to {end:.1f} s; give --from and --to within it")
     return int(inside[0]), int(inside[-1]) + 1
 
 
-def _seconds_per_row(reading: Reading) -> float:
-    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
-    if known.size < 2:
-        return 0.0
-    return float(np.ptp(reading.axis.seconds[known[[0, -1]]]) / (known[-1] - known[0]))
-
-
 def _reach(reading: Reading, first: int, last: int) -> tuple[int, int]:
     """Columns that the traces reach in some rows, with a margin."""
-    course = reading.tracks.course[:, first:last]
-    places = np.concatenate(
-        [course[np.isfinite(course)], reading.strobe.position[np.isfinite(reading.strobe.position)]]
-    )
+    places = np.concatenate([reading.tracks.course[:, first:last].ravel(), reading.strobe.position.ravel()])
+    places = places[np.isfinite(places)]
     if places.size == 0:
         return 0, reading.scan.columns
     low, high = np.percentile(places, [0.05, 99.95])
@@ -147,35 +143,27 @@ def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Readings as dots where there is room for them, else as lines; the course thin through the gaps."""
     tracks = reading.tracks
     rows = np.arange(strip.first, strip.stop) + 0.5
-    part = slice(strip.first, strip.stop)
-    fine = (strip.stop - strip.first) <= _FINE * _DOTS
     for trace in range(tracks.course.shape[0]):
         color = _TRACES[trace % len(_TRACES)]
-        axes.plot(rows, tracks.course[trace, part], color=color, linewidth=0.5, alpha=0.55)
-        if fine:
-            size = float(np.clip(2.5 * _DOTS / (strip.stop - strip.first), 0.8, 5.0))
-            axes.plot(rows, tracks.position[trace, part], ".", color=color, markersize=size, markeredgewidth=0)
-    if reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS:
+        axes.plot(rows, tracks.course[trace, strip.rows], color=color, linewidth=0.5, alpha=0.55)
+        if rows.size <= _FINE * _DOTS:
+            size = float(np.clip(2.5 * _DOTS / rows.size, 0.8, 5.0))
+            axes.plot(rows, tracks.position[trace, strip.rows], ".", color=color, markersize=size, markeredgewidth=0)
+    if reading.kind == "strobe" or rows.size * 4 <= _DOTS:
         _draw_strobe(axes, reading, strip)
 
 
 def _draw_strobe(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Places read at the marks, as rings."""
-    strobe = reading.strobe
-    seconds = np.asarray(strobe.index * reading.axis.interval, dtype=np.float64)
-    for trace, column in enumerate(strobe.position):
-        rows = _rows_of(reading, seconds, trace, column)
+    axis, known = reading.axis, np.flatnonzero(np.isfinite(reading.axis.seconds))
+    if known.size < 2:
+        return
+    seconds = reading.strobe.index * axis.interval
+    at = np.interp(seconds, axis.seconds[known], known + 0.5, left=np.nan, right=np.nan)
+    for trace, column in enumerate(reading.strobe.position):
+        rows = at + axis.offset[trace] + axis.shear * column
         shown, color = (rows >= strip.first) & (rows < strip.stop), _TRACES[trace % len(_TRACES)]
         axes.plot(rows[shown], column[shown], "o", markersize=4, fillstyle="none", markeredgewidth=0.8, color=color)
-
-
-def _rows_of(reading: Reading, seconds: Floats, trace: int, column: Floats) -> Floats:
-    """Rows at which a trace showed some instants."""
-    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
-    if known.size < 2:
-        return np.full(seconds.shape, np.nan)
-    at = np.interp(seconds, reading.axis.seconds[known], known + 0.5, left=np.nan, right=np.nan)
-    return np.asarray(at + reading.axis.offset[trace] + reading.axis.shear * column)
 
 
 def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
@@ -197,7 +185,7 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Each trace's flags as a bar along the lower edge."""
     from matplotlib.colors import to_rgb
 
-    flags, wide = reading.row_flags[:, strip.first : strip.stop], strip.right - strip.left
+    flags, wide = reading.row_flags[:, strip.rows], strip.right - strip.left
     high = 0.055 * wide / len(flags)
     for trace, qc in enumerate(flags):
         worst = [np.bitwise_or.reduce(block) for block in np.array_split(qc, min(_DOTS, qc.size))]
@@ -210,7 +198,7 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Seconds along the lower edge; rows where no time is known."""
-    seconds = reading.axis.seconds[strip.first : strip.stop]
+    seconds = reading.axis.seconds[strip.rows]
     known = np.flatnonzero(np.isfinite(seconds))
     if known.size < 2:
         axes.set_xlabel("row")

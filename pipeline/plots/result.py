@@ -230,14 +230,17 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     axes.set_yticks(rows, labels)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
     axes.set(xlim=(-2.0 * largest, 2.0 * largest), ylim=(-0.6, len(methods) - 0.4))
-    _tick_decades(axes, smallest, largest)
+    # two decades either side: the labels of all of them would run into each other
+    decades = smallest * 10.0 ** np.array([0.0, np.floor(np.log10(largest / smallest))])
+    axes.set_xticks([*-decades[::-1], 0.0, *decades] if decades[1] > decades[0] else [-smallest, 0.0, smallest])
+    axes.xaxis.set_major_formatter(lambda tick, _place: _minus(f"{tick:g}"))
+    axes.minorticks_off()
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)")
 
 
 def _signed(value: float) -> str:
-    digits = 2 if abs(value) < 100.0 else 4
-    return _minus(f"{value:+.{digits}g}" if value else "0")
+    return _minus(f"{value:+.{2 if abs(value) < 100.0 else 4}g}" if value else "0")
 
 
 def _rounded(size: float) -> str:
@@ -248,16 +251,6 @@ def _rounded(size: float) -> str:
 def _minus(text: str) -> str:
     """A typographic minus, as the axes have it."""
     return text.replace("-", "−")
-
-
-def _tick_decades(axes: Axes, smallest: float, largest: float) -> None:
-    """Ticks at zero and at few decades either side: the labels of all of them would run into each other."""
-    low, high = int(np.ceil(np.log10(smallest))), int(np.floor(np.log10(largest)))
-    step = max(1, -(-(high - low + 1) // 2))
-    decades = [10.0**power for power in range(high, low - 1, -step)][::-1]
-    ticks = [-tick for tick in decades[::-1]] + [0.0, *decades]
-    axes.set_xticks(ticks, [_minus(f"{tick:g}") for tick in ticks])
-    axes.minorticks_off()
 
 
 def _linear_part(offset: Floats, sigma: Floats) -> float:

@@ -27,24 +27,16 @@ _MULTIPLES = {"vertical_acceleration": 2.0, "horizontal_acceleration": 1.0}
 class Phases(NamedTuple):
     """Of every pendulum; phi(t) = frequency t + what drifts, theta = amplitude cos phi."""
 
-    time: Floats
-    """(instants,) evenly spaced, s from the record's first reading."""
-    phase: Floats
-    """(pendulums, instants) rad, unwrapped; NaN where too little was read."""
-    amplitude: Floats
-    """(pendulums, instants) rad."""
-    sigma: Floats
-    """(pendulums, instants) rad: one sigma of the phase, from what the fit leaves."""
-    frequency: Floats
-    """(pendulums,) mean, rad/s."""
-    window: float
-    """s."""
+    time: Floats  # (instants,) evenly spaced, s from the record's first reading
+    phase: Floats  # (pendulums, instants) rad, unwrapped; NaN where too little was read
+    amplitude: Floats  # (pendulums, instants) rad
+    sigma: Floats  # (pendulums, instants) rad: one sigma of the phase, from what the fit leaves
+    frequency: Floats  # (pendulums,) mean, rad s-1
+    window: float  # s
 
 
 def phases(time: Floats, elongation: Floats) -> Phases:
-    """Follow the phases of pendulums.
-
-    `RefusedError` if a pendulum does not swing, or there are too few swings or readings.
+    """Follow the phases of pendulums; `RefusedError` if one does not swing, for too few swings or readings.
 
     Parameters
     ----------
@@ -139,12 +131,9 @@ def _slope(time: Floats, values: Floats) -> float:
 class Beam(NamedTuple):
     """Motion of the support at a multiple of the clocks' frequency."""
 
-    direction: str
-    """``vertical`` or ``horizontal``."""
-    amplitude: float
-    """m."""
-    ratio: Floats
-    """(clocks,) amplitude of the support over that of the clock, m/rad."""
+    direction: str  # vertical or horizontal
+    amplitude: float  # m
+    ratio: Floats  # (clocks,) amplitude of the support over that of the clock, m rad-1
 
 
 def beam(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time as stopwatch
+from collections.abc import Collection
 from itertools import combinations
 from typing import Any
 
@@ -14,6 +15,7 @@ from data_schemas import check
 from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present
+from pipeline.flags import of_film
 from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
 from pipeline.synchronism.phases import Phases, beam, phases
@@ -28,7 +30,7 @@ _SUMMED = {
 }  # fmt: skip
 
 
-def synchrony(record: DataTree) -> DataTree:
+def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     """Say how the pendulums of a record keep step.
 
     Parameters
@@ -36,6 +38,8 @@ def synchrony(record: DataTree) -> DataTree:
     record : DataTree
         Layout "isochrony-record", with two traces or more; it is not modified. Each clock one trace, or a clock and
         differences.
+    accept : collection of str
+        Flags of a film that make its time or scale doubtful and shall not block.
 
     Returns
     -------
@@ -49,12 +53,13 @@ def synchrony(record: DataTree) -> DataTree:
     RecordError
         The record breaks its layout, or does not show two pendulums apart.
     RefusedError
-        Too short, too rarely read, or a pendulum that does not swing.
+        Too short, too rarely read, a pendulum that does not swing, or a film's flag that blocks.
     """
     started = stopwatch.perf_counter()
     faults = check(record, "record")
     if faults:
         raise RecordError("; ".join(faults))
+    raised = of_film(record, accept)
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = recorded - recorded[0]
@@ -68,6 +73,7 @@ def synchrony(record: DataTree) -> DataTree:
     group = dataset("synchrony", values, {}, {})
     group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
     group.attrs["beam_direction"] = direction
+    group.attrs["film_flags"] = ", ".join(raised)
     instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))
     tree = DataTree.from_dict({"/": Dataset(coords={"time": instants}), "/synchrony": group})
     tree.attrs.update(result_attributes(record, {"analysis": "synchrony", "window_s": seen.window}, started))
@@ -155,7 +161,7 @@ def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
     """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
     table = result["synchrony"].dataset
     clocks = [str(label) for label in table["clock"].values]
-    rows = []
+    rows, of_film_too = [], [flag for flag in table.attrs.get("film_flags", "").split(", ") if flag]
     for k, name in enumerate(str(pair) for pair in table["pair"].values):
         one = table.isel(pair=k)
         seen = {key: float(one[own]) for key, own in _SUMMED.items()}
@@ -166,7 +172,7 @@ def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
         more = {
             "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
             "synchrony": found,
-            "flags": ["unsure-verdict"] if float(one["confidence"]) < UNSURE else [],
+            "flags": ["unsure-verdict"] * (float(one["confidence"]) < UNSURE) + of_film_too,
             "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
             "elapsed_s": float(result.attrs["elapsed_s"]),
         }

@@ -112,18 +112,12 @@ def block_slope(time: Floats, values: Floats, blocks: int) -> tuple[float, float
 class Verdict(NamedTuple):
     """On one pair."""
 
-    state: str
-    """One of `VERDICTS`."""
-    confidence: float
-    """0 to 1: how far the record is from any other verdict, in its own scatter; 0.5 is a toss-up."""
-    angle: float
-    """psi at which they are, or mostly are, locked, in (-pi, pi]; NaN if they drift."""
-    angle_sigma: float
-    """rad; NaN if they drift."""
-    lock_time: float
-    """s from the first instant, from which psi stays; NaN if it does not."""
-    slips: tuple[float, ...]
-    """Times, s, at which one had gained another whole swing on the other."""
+    state: str  # one of `VERDICTS`
+    confidence: float  # 0 to 1: distance to any other verdict, in the record's own scatter; 0.5 is a toss-up
+    angle: float  # psi at which they are, or mostly are, locked, in (-pi, pi]; NaN if they drift
+    angle_sigma: float  # rad; NaN if they drift
+    lock_time: float  # s from the first instant, from which psi stays; NaN if it does not
+    slips: tuple[float, ...]  # times, s, at which one had gained another whole swing on the other
 
 
 def judge(time: Floats, psi: Floats, sigma: Floats) -> Verdict:

@@ -17,7 +17,6 @@ from data_schemas.scene import Scene
 from pipeline.benchmarks import corrections, scenes
 from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
 from pipeline.benchmarks.honesty.records import Made
-from pipeline.benchmarks.tables import Kept
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -87,9 +86,8 @@ def test_pattern_is_refused_where_a_wrong_method_is_right_or_a_right_one_decline
     assert not holds(good, wrong, declined("general"))
 
 
-def test_refusals_are_rows_and_the_summary_counts_them() -> None:
+def test_summary_counts_refusals() -> None:
     points = [row("general", -2.0, ms=5.0), row("general", 1.0, ms=9.0, flags="x"), declined("general")]
-    assert corrections.refusals(points) == [{"case": "x", "method": "general", "refused": "too short; record longer"}]
     found = {each["method"]: each for each in corrections.summary(points)}
     assert found["general"] == {
         "method": "general", "median_ms": 7.0, "median_error_mgal": 1.5, "worst_error_mgal": 2.0, "flagged": 1,
@@ -179,14 +177,14 @@ def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: p
     monkeypatch.setattr(corrections, "_compile", lambda name: None)
     monkeypatch.setattr("pipeline.processing.process", refuse)
     kind = Kind("x", of(scenes.linear(duration=10.0, sampling_rate=5)))
-    rows = corrections.measured(kind, 1, METHODS, 1, Kept(None))
+    rows = corrections.measured(kind, 1, METHODS, 1, None)
     assert [(each["method"], each["refused"]) for each in rows] == [(name, "no difference") for name in METHODS]
 
 
 def test_methods_that_decline_are_rows_beside_those_that_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corrections, "_compile", lambda name: None)
     beats = scenes.beats_through_zero(duration=600.0, sampling_rate=10, motion=[], phases=(0.0, 0.3))
-    found = corrections.measured(Kind("x", of(beats)), 1, ("panteleev", "projection"), 2, Kept(None))
+    found = corrections.measured(Kind("x", of(beats)), 1, ("panteleev", "projection"), 2, None)
     rows = {each["method"]: each for each in found}
     assert "a phase means nothing" in rows["panteleev"]["refused"]
     assert rows["projection"]["refused"] == ""
@@ -198,7 +196,7 @@ def test_methods_that_decline_are_rows_beside_those_that_do_not(monkeypatch: pyt
 def test_real_pendulums_are_solved_by_exact_methods() -> None:
     """The bars with recorded heave; the paper's formulas leave arcs and acceleration in."""
     kind = Kind("x", of(scenes.real_heave(duration=600.0)), real=True)
-    errors = {each["method"]: abs(each["error_mgal"]) for each in corrections.measured(kind, 1, METHODS, 1, Kept(None))}
+    errors = {each["method"]: abs(each["error_mgal"]) for each in corrections.measured(kind, 1, METHODS, 1, None)}
     assert max(errors["shooting"], errors["joint"]) < 0.005
     assert min(errors[name] for name in ("panteleev", "complex", "projection")) > 3.0
 

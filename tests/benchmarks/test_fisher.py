@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fisher import Pair, bound, gravity_bound, jacobian, respond
 
-from pipeline.benchmarks.bars_joint import BOUNDS, RATES
+from pipeline.benchmarks.bars import BOUNDS, RATES
 from pipeline.benchmarks.scenes import linear, real, two_pendulums
 from synth import simulate
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from pipeline.benchmarks import bars, bars_joint, paper, scenes
+from pipeline.benchmarks import bars, paper, scenes
+from pipeline.benchmarks.tables import RATIO
 from pipeline.cli.benchmark import SUITES, module_of
 
 
@@ -18,16 +21,17 @@ def test_registered_suite_can_be_run(suite: str) -> None:
 
 
 @pytest.mark.usefixtures("short")
-def test_bars_of_accuracy_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module, name in ((bars_joint, "rows"), (bars, "costs")):
-        monkeypatch.setattr(module, name, lambda *, quick: iter(()))
-    rows = list(bars.run(quick=True, folder=None))
+def test_bars_of_accuracy_are_yielded() -> None:
+    rows = list(bars.accuracy())
     assert len({row["bar"] for row in rows}) == len(rows) > 12
     assert {tuple(row) for row in rows} == {("bar", "value", "limit", "unit", "pass")}
 
 
+@pytest.mark.compiled
 def test_bars_of_speed_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bars, "DURATION", 30.0)
+    short = replace(bars.BASE, duration=120.0, rate=10.0, swell=(0.015, 0.0), states_heave=False)
+    monkeypatch.setattr(bars, "FITS", {"short": (short, 1e6, 0.0, 1e6)})
     asked: list[tuple[str, ...]] = []
 
     def command(*words: str) -> Any:
@@ -36,11 +40,27 @@ def test_bars_of_speed_are_yielded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bars, "command", command)
     monkeypatch.setattr(bars, "rounds", lambda calls, *_, **__: {name: [1.0, 2.0, 3.0] for name in calls})
     rows = {row["bar"]: row for row in bars.costs(quick=True)}
-    assert len(rows) == 9
-    shares = [row for bar, row in rows.items() if "times" in bar]
-    assert [(row["value"], row["unit"]) for row in shares] == [(1.0, "1 to 1")] * 5
+    assert len(rows) == 14
+    ratios = [row for row in rows.values() if row["unit"].startswith(RATIO)]
+    assert [(row["value"], row["unit"]) for row in ratios] == [(1.0, "times, 1 to 1")] * 8
+    assert [row["pass"] for row in ratios] == [True, True, None, None, True, False, True, False]
     assert [row["unit"] for bar, row in rows.items() if "imports" in bar] == ["scipy.signal", "numba scipy"]
+    assert [row["value"] for bar, row in rows.items() if "read, reduced, written" in bar] == [2000.0] * 2
     assert {words[1] for words in asked} == {"-c"}
+
+
+@pytest.mark.compiled
+@pytest.mark.usefixtures("short")
+def test_scatter_is_compared_with_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bars, "RATES", (10,))
+    found = []
+    for bound in (0.05, 0.1):
+        monkeypatch.setattr(bars, "BOUNDS", {"linear": (bound,), "real": (2.0 * bound,)})
+        rows = list(bars.efficiency(2))
+        assert ["linear" in row["bar"] for row in rows] == [True, False]
+        found.append([row["value"] for row in rows])
+    assert np.all(np.isfinite(found))
+    assert found[0] == pytest.approx(2.0 * np.array(found[1]))
 
 
 @pytest.mark.parametrize(

@@ -205,6 +205,23 @@ def test_benchmark_prints_a_table_or_json_and_judges(run, tmp_path):
 
 
 @pytest.mark.usefixtures("suite")
+def test_ratios_of_times_are_appended_to_a_history_and_drawn(run, tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    for value in (2.0, 0.5):
+        row = {"bar": "one", "value": value, "limit": "<= 1", "unit": "times, 1 to 2", "pass": None}
+        monkeypatch.setattr(Suite, "run", staticmethod(lambda *, row=row, **_: iter([row])))
+        assert run("benchmark", "bars", "-o", tmp_path / "kept").status == 0
+    lines = [json.loads(line) for line in (tmp_path / "kept" / "history.jsonl").read_text().splitlines()]
+    assert [line["value"] for line in lines] == [2.0, 0.5]
+    assert {"date", "machine", "versions", "suite", "quick", "bar", "limit"} < lines[0].keys()
+    assert (tmp_path / "kept" / "history.png").read_bytes().startswith(b"\x89PNG")
+    other = tmp_path / "other.jsonl"
+    other.write_text("{}\n")
+    assert "is no history of benchmarks" in run("benchmark", "bars", "--history", other).fault
+    assert other.read_text() == "{}\n"
+
+
+@pytest.mark.usefixtures("suite")
 def test_benchmark_wants_a_folder(run, record_path):
     assert "must be a folder" in run("benchmark", "bars", "-o", record_path).fault
 

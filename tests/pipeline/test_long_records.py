@@ -10,7 +10,7 @@ import pytest
 from made_records import simulate
 
 from pipeline import process
-from pipeline.methods.projection import linear_fit
+from pipeline.methods.exact import linear_fit
 from pipeline.observation import observe
 from pipeline.prepared import prepare
 

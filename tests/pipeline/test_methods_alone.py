@@ -11,10 +11,8 @@ import pytest
 from data_schemas.errors import RefusedError
 from pipeline import correction
 from pipeline.harmonics.envelope import SlowMotion, sliding_envelope
-from pipeline.methods.phases import complex_form, corrected, passes_zero, phases, with_noise
-from pipeline.methods.projection import as_estimate, residual_colour
-from pipeline.methods.shooting import numerical_error
-from pipeline.methods.vening_meinesz import value_and_slope
+from pipeline.methods.exact import as_estimate, numerical_error, residual_colour
+from pipeline.methods.phases import complex_form, corrected, passes_zero, phases, value_and_slope, with_noise
 from pipeline.phase_speed import phase_speed, speed_of_difference_from_second
 
 STEP, N, DAMPING = 0.1, 6.2, 2e-4

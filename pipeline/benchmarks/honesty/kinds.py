@@ -23,90 +23,64 @@ class Case:
     # pendulums
     duration: float = 1800.0
     amplitudes: tuple[float, float] = (0.012, 0.009)
-    split: float = 0.0
-    """n2/n1 - 1; 0: drawn between 5e-5 and 5e-4, of either sign."""
+    split: float = 0.0  # n2/n1 - 1; 0: drawn between 5e-5 and 5e-4, of either sign
     linear: bool = False
     damping: float = 1e-4
     damping_difference: float = 1e-5
     quadratic: float = 0.0
     friction: float = 0.0
-    kicks: tuple[float, float] = (0.0, 0.0)
-    """Each pendulum's own, rad/sqrt(s)."""
-    knocks: tuple[float, float] = (0.0, 0.0)
-    """Step of theta'/n of each pendulum, once."""
-    restart: float = 0.0
-    """Change of the free swing at one time, of its amplitude."""
+    kicks: tuple[float, float] = (0.0, 0.0)  # each pendulum's own, rad/sqrt(s)
+    knocks: tuple[float, float] = (0.0, 0.0)  # step of theta'/n of each pendulum, once
+    restart: float = 0.0  # change of the free swing at one time, of its amplitude
     pendulums: int = 2
     # the ship; of a sea the root mean squares of x'' and z''
     swell: tuple[float, float] = (0.015, 0.0)
     swell_period: float = 10.0
     wind_sea: tuple[float, float] = (0.0, 0.0)
     wind_period: float = 4.0
-    resonant: float = 0.0
-    """Amplitude of x'' that beats with the first pendulum in one to five minutes."""
+    resonant: float = 0.0  # amplitude of x'' that beats with the first pendulum in one to five minutes
     vibration: float = 0.0
-    engine: float = 0.0
-    """Amplitudes of x'' and of z''."""
+    engine: float = 0.0  # amplitudes: of x'' by vibration, of z'' by the engine
     vibration_frequency: float = 3.0
-    engine_frequency: float = 0.0
-    """Hz; 0: beats with twice the swing's in one to five minutes."""
-    turn: float = 0.0
-    """Rate of a turn by 90 degrees at 5 m/s, deg/s."""
-    speed_change: float = 0.0
-    """Within a minute, m/s."""
+    engine_frequency: float = 0.0  # Hz; 0: beats with twice the swing's in one to five minutes
+    turn: float = 0.0  # rate of a turn by 90 degrees at 5 m/s, deg/s
+    speed_change: float = 0.0  # within a minute, m/s
     gravity_change: float = 0.0
-    gravity_wave: float = 0.0
-    """mGal: over the record, and the amplitude of a wave of 20 minutes."""
+    gravity_wave: float = 0.0  # mGal: the change over the record, and the amplitude of a wave of 20 minutes
     # reading
     rate: float = 10.0
-    jitter: float = 0.0
-    """Of the interval, known."""
+    jitter: float = 0.0  # of the interval, known
     noise: float = 1e-5
-    lost: float = 0.0
-    """Share of samples that are not there."""
+    lost: float = 0.0  # share of samples that are not there
     gap: float = 0.0
     gaps: int = 1
     first_gap: float = 0.0
     lost_of_two_minutes: float = 0.0
-    outliers: float = 0.0
-    """Share of samples that are off by some mrad."""
-    bursts: int = 0
-    """Of two seconds of bad reading."""
+    outliers: float = 0.0  # share of samples that are off by some mrad
+    bursts: int = 0  # of two seconds of bad reading
     quantisation: float = 0.0
-    clip: float = 1.0
-    """Of the largest elongation."""
-    dead: float = 0.0
-    """Share of the record at whose end the last trace stands still."""
-    copied: float = 0.0
-    """Share of the record in which the last trace repeats the first."""
+    clip: float = 1.0  # of the largest elongation
+    dead: float = 0.0  # share of the record at whose end the last trace stands still
+    copied: float = 0.0  # share of the record in which the last trace repeats the first
     # instrument; signs are drawn
     zero_first: float = 0.0
     zero_drift: float = 0.0
     zero_step_first: float = 0.0
     zero_step_difference: float = 0.0
-    zero_steps: float = 0.0
-    """1 sigma of six steps of the first trace's zero."""
-    cubic: float = 0.0
-    """Of the optics: an angle x is read as x + cubic x^3."""
-    wow: float = 0.0
-    """Error of the record's time, with a period of a minute, s."""
+    zero_steps: float = 0.0  # 1 sigma of six steps of the first trace's zero
+    cubic: float = 0.0  # of the optics: an angle x is read as x + cubic x^3
+    wow: float = 0.0  # error of the record's time, with a period of a minute, s
     plane: float = 0.0
     """Angle of the second pendulum's plane of swing from the first's, rad; y'' then is another sea like x''."""
     rocking: float = 0.0
     """Amplitude of y'' at ten seconds, m/s^2, which the planes of swing follow; its mean squares are stated."""
-    released: float = 0.0
-    """Until when the pendulums are held, s."""
-    heave_lost: float = 0.0
-    """Share of ten gaps in a recorded z''."""
-    follows: float = 0.0
-    """Of the apparent vertical, by which a case tilts beside its roll."""
-    tilt: float = 0.0
-    """Amplitude of the case's roll at 8 s, from which elongations are measured, degrees."""
-    tilt_noise: float = 2e-5
-    """Of a recorded tilt, rad."""
+    released: float = 0.0  # until when the pendulums are held, s
+    heave_lost: float = 0.0  # share of ten gaps in a recorded z''
+    follows: float = 0.0  # of the apparent vertical, by which a case tilts beside its roll
+    tilt: float = 0.0  # amplitude of the case's roll at 8 s, from which elongations are measured, degrees
+    tilt_noise: float = 2e-5  # of a recorded tilt, rad
     gain_first: float = 0.0
-    gain_all: float = 0.0
-    """Relative errors of the scale."""
+    gain_all: float = 0.0  # relative errors of the scale, of the first trace and of all
     delay: float = 0.0
     clock_step: float = 0.0
     heave_noise: float = 2e-5
@@ -118,14 +92,11 @@ class Case:
     states_damping: bool = True
     states_noise: bool = True
     states_heave: bool = False
-    states_scale: float = 0.0
-    """Its uncertainty, relative; 0: not stated."""
+    states_scale: float = 0.0  # its uncertainty, relative; 0: not stated
     states_tilt: str = "tilt"
     """What a record from a tilting case holds: "tilt", "acceleration" (horizontal), or "" for neither."""
-    damping_error: float = 0.0
-    """Of the damping rates as stated, relative."""
-    ratio_error: float = 0.0
-    """Of n1/n2 as stated."""
+    damping_error: float = 0.0  # of the damping rates as stated, relative
+    ratio_error: float = 0.0  # of n1/n2 as stated
 
 
 STRENGTHS = ("weak", "middle", "strong")
@@ -137,12 +108,10 @@ class Kind:
 
     group: str
     """{"sea", "instrument"}"""
-    source: str
-    """What the strengths rest on."""
+    source: str  # what the strengths rest on
     varied: Mapping[str, tuple[Any, Any, Any]] = field(default_factory=dict)
     """Field of `Case`: its values, weak, middle and strong."""
-    common: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of `Case` at all strengths."""
+    common: Mapping[str, Any] = field(default_factory=dict)  # fields of `Case` at all strengths
 
 
 def _sea(source: str, varied: Mapping[str, Any], **common: Any) -> Kind:

@@ -40,12 +40,9 @@ _PLACE = np.searchsorted(_NODES, np.arange(_GRID))
 class Motion(NamedTuple):
     """Accelerations of the support, Re sum (amplitude e^{i rate t}), m/s^2."""
 
-    rate: Floats
-    """rad/s, (harmonics,)."""
-    across: Complexes
-    """x'', (harmonics,)."""
-    along: Complexes
-    """z'', up positive, (harmonics,)."""
+    rate: Floats  # rad/s, (harmonics,)
+    across: Complexes  # x'', (harmonics,)
+    along: Complexes  # z'', up positive, (harmonics,)
 
 
 def jonswap(frequency: Floats, peak: float) -> Floats:
@@ -93,13 +90,10 @@ def at(times: Floats, rate: Floats, amplitude: Complexes) -> Floats:
 class Support(NamedTuple):
     """What moves and attracts the pendulums; x'' = Re sum (across e^{i rate t}), z'' likewise by `along`."""
 
-    rate: Floats
-    """rad/s, (harmonics,)."""
+    rate: Floats  # rad/s, (harmonics,)
     across: Complexes
-    along: Complexes
-    """m/s^2, (harmonics,)."""
-    pulses: Floats
-    """(pulses, 3): begin s, end s, and x'' m/s^2 between."""
+    along: Complexes  # m/s^2, (harmonics,)
+    pulses: Floats  # (pulses, 3): begin s, end s, and x'' m/s^2 between
     gravity: Floats
     """(6,): value m/s^2, slope m/s^3, time s where the slope's part is zero, and a wave: m/s^2, rad/s, rad."""
 
@@ -107,16 +101,11 @@ class Support(NamedTuple):
 class Pendulums(NamedTuple):
     """Each (pendulums,)."""
 
-    length: Floats
-    """m, reduced."""
-    damping: Floats
-    """1/s."""
-    quadratic: Floats
-    """1/rad."""
-    friction: Floats
-    """rad/s^2, of the knife edge."""
-    linear: bool
-    """The limit of small angles, which ignores z''."""
+    length: Floats  # m, reduced
+    damping: Floats  # 1/s
+    quadratic: Floats  # 1/rad
+    friction: Floats  # rad/s^2, of the knife edge
+    linear: bool  # the limit of small angles, which ignores z''
 
 
 @kernel

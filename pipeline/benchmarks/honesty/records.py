@@ -26,8 +26,7 @@ _BURST = 2.0  # s
 _BAD = 3e-3  # rad: outliers and bursts
 _ROLL = 8.0  # s
 _ROUND = 120.0  # s
-REFERENCE = 9.81
-"""m/s^2, at which the periods are stated."""
+REFERENCE = 9.81  # m/s^2, at which the periods are stated
 _MGAL = 1e-5  # m/s^2
 _SLOW = 10.0  # s, of an acceleration that planes of swing follow
 _WAY = 5.0  # m/s, of a ship that turns
@@ -109,12 +108,9 @@ class Made(NamedTuple):
 
     tree: DataTree
     """Layout "isochrony-record"."""
-    gravity: float
-    """Mean over the record, m/s^2."""
-    case: Case
-    """What it was made with."""
-    law: Floats
-    """Of gravity in time, see `plain.gravity_at`."""
+    gravity: float  # mean over the record, m/s^2
+    case: Case  # what it was made with
+    law: Floats  # of gravity in time, see `plain.gravity_at`
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:

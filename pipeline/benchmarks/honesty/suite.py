@@ -1,15 +1,16 @@
 """Suite `honesty`: records of every kind and strength by the methods named; does the stated uncertainty hold?
 
-With a folder: a row a record (CSV), a row a kind and strength (CSV), everything (JSON), a picture a method, and the
-finished records, so that a run that was interrupted goes on where it stopped.
+With a folder: its tables and a row a record (CSV), a picture a method, and the finished records, so that a run that was
+interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,23 +18,21 @@ import numpy as np
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.benchmarks.honesty.kinds import KINDS, STRENGTHS
+from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, record
-from pipeline.benchmarks.tables import Kept, at_most, progress, write, write_json
+from pipeline.benchmarks.tables import Row, at_most, kept, progress, write
 from pipeline.plots.canvas import GREY, save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from xarray import DataTree
 
-
-Row = dict[str, Any]
-EXACT = 1e-3
-"""mGal; a smaller error is right whatever sigma says."""
+EXACT = 1e-3  # mGal; a smaller error is right whatever sigma says
 _95 = 1.96  # sigma
 _CRASHED = "crashed: "
 SEEDS, QUICK_SEEDS = 5, 2
 QUICK = ("swell", "heave not recorded", "one gap", "outliers", "half-second marks", "zero of the first trace")
-DURATION: float | None = None
-"""s, instead of each kind's own."""
+DURATION: float | None = None  # s, instead of each kind's own
 _STEPS = (
     (2.0, "#cfe8dc", "worst error below 2 sigma"),
     (3.0, "#e8f1c8", "2 to 3"),
@@ -52,26 +51,28 @@ def reduced(made: Made, method: str) -> Row:
     Returns
     -------
     dict
-        ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``, ``flags``, ``refused`` (why) and ``seconds``.
+        ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``, ``flags``, ``refused`` (why), ``band_z`` (of
+        gravity along the track) and ``seconds`` of processor time.
     """
     from pipeline.processing import process
     from pipeline.summary import summaries
 
-    row = {"resolved": "", "error_mgal": math.nan, "sigma_mgal": math.nan, "z": math.nan, "flags": "", "refused": ""}
-    began = time.perf_counter()
+    absent = dict.fromkeys(("error_mgal", "sigma_mgal", "z", "band_z"), math.nan)
+    row: Row = {"resolved": "", **absent, "flags": "", "refused": ""}
+    began = time.process_time()
     try:
-        (found,) = summaries(process(made.tree, method=method))
+        result = process(made.tree, method=method)
+        (summary,) = summaries(result)
     except IsochronyError as refusal:
-        return row | {"refused": str(refusal), "seconds": time.perf_counter() - began}
+        return row | {"refused": str(refusal), "seconds": time.process_time() - began}
     except Exception as fault:  # a crash is a row too, and fails a bar of its own
-        return row | {"refused": f"{_CRASHED}{fault!r}", "seconds": time.perf_counter() - began}
-    row["seconds"] = time.perf_counter() - began
-    if found["status"] != "ok":
-        return row | {"refused": found["error"]}
-    error, sigma = (found["gravity_m_s2"] - made.gravity) * 1e5, found["gravity_sigma_mgal"]
-    flags = " ".join(found["flags"])
-    values = {"error_mgal": error, "sigma_mgal": sigma, "z": in_sigmas(error, sigma), "flags": flags}
-    return row | {"resolved": found["method"]} | values
+        return row | {"refused": f"{_CRASHED}{fault!r}", "seconds": time.process_time() - began}
+    row["seconds"] = time.process_time() - began
+    if summary["status"] != "ok":
+        return row | {"refused": summary["error"]}
+    error, sigma = (summary["gravity_m_s2"] - made.gravity) * 1e5, summary["gravity_sigma_mgal"]
+    values = {"error_mgal": error, "sigma_mgal": sigma, "z": in_sigmas(error, sigma), "band_z": _band(result, made)}
+    return row | values | {"resolved": summary["method"], "flags": " ".join(summary["flags"])}
 
 
 def in_sigmas(error: float, sigma: float) -> float:
@@ -81,73 +82,80 @@ def in_sigmas(error: float, sigma: float) -> float:
     return error / sigma if sigma > 0.0 and math.isfinite(error) else math.inf
 
 
+def _band(result: DataTree, made: Made) -> float:
+    """Root mean square of the error of gravity along the track over its sigma."""
+    if "course" not in result.children:
+        return math.nan
+    course = result["course"].dataset
+    truth = np.array([gravity_at(each, made.law) for each in np.asarray(result["time"].values)])
+    return _rms((course["gravity_course"].values - truth) * 1e5 / course["gravity_course_sigma"].values)
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
+
+
 def by_kind(rows: Sequence[Row]) -> list[Row]:
     """One row for each method, kind and strength."""
-    return [
-        _cell(method, kind, strength, found)
-        for method in dict.fromkeys(row["method"] for row in rows)
-        for kind in KINDS
-        for strength in STRENGTHS
-        if (found := [r for r in rows if (r["method"], r["kind"], r["strength"]) == (method, kind, strength)])
-    ]
-
-
-def _cell(method: str, kind: str, strength: str, rows: Sequence[Row]) -> Row:
-    read = [row for row in rows if not row["refused"]]
-    sizes = _sizes(read)
-    errors = np.array([row["error_mgal"] for row in read])
-    sigmas = [row["sigma_mgal"] for row in read]
-    cell = {"method": method, "group": KINDS[kind].group, "kind": kind, "strength": strength, "records": len(rows)}
-    return cell | {
-        "refused": len(rows) - len(read),
-        "error_rms_mgal": float(np.sqrt(np.mean(errors**2))) if read else math.nan,
-        "sigma_median_mgal": float(np.median(sigmas)) if read else math.nan,
-        "worst_z": max(sizes, default=math.nan),
-        "within_95": sum(size <= _95 for size in sizes) / len(sizes) if sizes else math.nan,
-        "seconds": float(np.median([row["seconds"] for row in rows])),
-        "flags": " ".join(dict.fromkeys(flag for row in rows for flag in row["flags"].split())),
-        "why_refused": "; ".join(dict.fromkeys(row["refused"] for row in rows if row["refused"])),
-    }
+    cells: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        cells.setdefault((row["method"], row["kind"], row["strength"]), []).append(row)
+    table = []
+    for place in itertools.product(dict.fromkeys(row["method"] for row in rows), KINDS, STRENGTHS):
+        if some := cells.get(place):
+            method, kind, strength = place
+            cell = {"method": method, "group": KINDS[kind].group, "kind": kind, "strength": strength}
+            seconds = float(np.median([row["seconds"] for row in some]))
+            flags = dict.fromkeys(flag for row in some for flag in row["flags"].split())
+            table.append(cell | statistics(some) | {"seconds": seconds, "flags": " ".join(flags)})
+    return table
 
 
 def by_strength(rows: Sequence[Row]) -> list[Row]:
     """One row for each method and strength, and for all strengths."""
-    table = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        for strength in (*STRENGTHS, "all"):
-            some = [row for row in rows if row["method"] == method and strength in (row["strength"], "all")]
-            sizes = np.array(_sizes(row for row in some if not row["refused"]))
-            line = {"method": method, "strength": strength, "records": len(some)}
-            line["refused_share"] = 1.0 - sizes.size / len(some) if some else math.nan
-            for limit in (4, 5):
-                line[f"beyond_{limit}_sigma"] = int(np.sum(sizes > limit))
-                line[f"share_beyond_{limit}"] = float(np.mean(sizes > limit)) if sizes.size else math.nan
-            line["within_95"] = float(np.mean(sizes <= _95)) if sizes.size else math.nan
-            line["rms_z"] = float(np.sqrt(np.mean(sizes**2))) if sizes.size else math.nan
-            line["median_z"] = float(np.median(sizes)) if sizes.size else math.nan
-            table.append(line)
-    return table
+    return [
+        {"sums": method, "strength": strength}
+        | statistics([row for row in rows if row["method"] == method and strength in (row["strength"], "all")])
+        for method in dict.fromkeys(row["method"] for row in rows)
+        for strength in (*STRENGTHS, "all")
+    ]
+
+
+def statistics(rows: Sequence[Row]) -> Row:
+    """Counts, errors and errors in sigmas of some records; NaN of none."""
+    estimates = [row for row in rows if not row["refused"]]
+    sizes = np.array([abs(row["z"]) for row in estimates])
+    bands = [row["band_z"] for row in estimates if math.isfinite(row["band_z"])]
+    return {
+        "records": len(rows),
+        "refused": len(rows) - len(estimates),
+        "error_rms_mgal": _rms([row["error_mgal"] for row in estimates]),
+        "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in estimates])) if estimates else math.nan,
+        "worst_z": float(np.max(sizes, initial=-math.inf)) if estimates else math.nan,
+        "rms_z": _rms(sizes),
+        "band_rms_z": _rms(bands),
+        "within_95": float(np.mean(sizes <= _95)) if estimates else math.nan,
+        "beyond_4_sigma": int(np.sum(sizes > 4.0)),
+        "beyond_5_sigma": int(np.sum(sizes > 5.0)),
+    }
 
 
 def bars(rows: Sequence[Row]) -> list[Row]:
     """The promises: errors stay within sigma, and few records are refused."""
-    found = []
+    table = []
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
-        sizes = _sizes(row for row in own if not row["refused"])
-        far = sum(size > 4.0 for size in sizes) / len(sizes) if sizes else math.nan
-        found.append(at_most(f"{method}: beyond 4 sigma, share of those not refused", far, 1e-3))
-        found.append(at_most(f"{method}: beyond 5 sigma", sum(size > 5.0 for size in sizes), 0.0))
+        sums = statistics(own)
+        read = sums["records"] - sums["refused"]
+        far = sums["beyond_4_sigma"] / read if read else math.nan
+        table.append(at_most(f"{method}: beyond 4 sigma, share of those not refused", far, 1e-3))
+        table.append(at_most(f"{method}: beyond 5 sigma", sums["beyond_5_sigma"], 0.0))
         for words, names, limit in (("weak and middle", STRENGTHS[:2], 0.01), ("strong", STRENGTHS[2:], 0.15)):
             some = [bool(row["refused"]) for row in own if row["strength"] in names]
-            found.append(at_most(f"{method}: refused, share of {words}", sum(some) / max(len(some), 1), limit))
+            table.append(at_most(f"{method}: refused, share of {words}", sum(some) / max(len(some), 1), limit))
         crashed = sum(row["refused"].startswith(_CRASHED) for row in own)
-        found.append(at_most(f"{method}: crashed", crashed, 0.0))
-    return found
-
-
-def _sizes(rows: Iterable[Row]) -> list[float]:
-    return [abs(row["z"]) for row in rows]
+        table.append(at_most(f"{method}: crashed", crashed, 0.0))
+    return table
 
 
 def run(
@@ -174,38 +182,37 @@ def run(
         raise UsageError(f"--kind: no group or kind of the suite is like '{only}'; the kinds are {', '.join(KINDS)}")
     count = seeds or (QUICK_SEEDS if quick else SEEDS)
     each = [(kind, strength, seed) for seed in range(count) for kind in kinds for strength in STRENGTHS]
-    kept = Kept(folder)
-    rows = [row for place in progress(each, "honesty") for row in _one(*place, methods, kept)]
-    table, sums, promises = by_kind(rows), by_strength(rows), bars(rows)
+    rows = [row for place in progress(each, "honesty") for row in _one(*place, methods, folder)]
+    table = by_kind(rows)
     if folder is not None:
         write(folder / "honesty-records.csv", rows)
-        write(folder / "honesty.csv", table)
-        tables = {"kinds": table, "strengths": sums, "bars": promises, "records": rows}
-        write_json(folder / "honesty.json", tables)
         for method in methods:
             draw([row for row in table if row["method"] == method], method, folder / f"honesty-{method}.png")
-    yield from ({name: value for name, value in row.items() if name != "why_refused"} for row in table)
-    yield from sums
-    yield from promises
+    yield from table
+    yield from by_strength(rows)
+    yield from bars(rows)
 
 
-def _one(kind: str, strength: str, seed: int, methods: Sequence[str], kept: Kept) -> list[Row]:
+def _one(kind: str, strength: str, seed: int, methods: Sequence[str], folder: Path | None) -> list[Row]:
     """Rows of one record, by each method; the record is made only if some method has not seen it."""
-    made, rows = None, []
+    made: list[Made] = []
+    rows = []
     for method in methods:
         what = {"method": method, "kind": kind, "strength": strength, "seed": seed}
-        configuration = {"suite": "honesty", "duration": DURATION, **what}
-        found = kept.get(configuration)
-        if found is None:
-            made = made or record(kind, strength, seed, duration=DURATION)
-            found = [what | reduced(made, method)]
-            kept.put(configuration, found)
-        rows += found
+
+        def make(what: Row = what) -> list[Row]:
+            if not made:
+                made.append(record(kind, strength, seed, duration=DURATION))
+            return [what | reduced(made[0], what["method"])]
+
+        rows += kept(folder, {"suite": "honesty", "duration": DURATION, **what}, make)
     return rows
 
 
 def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> None:
     """Draw the table (rows of `by_kind`) of one method, named in the heading, as PNG."""
+    from matplotlib.patches import Patch
+
     lines: list[str] = []
     for group, heading in _HEADINGS.items():
         kinds = list(dict.fromkeys(row["kind"] for row in table if row["group"] == group))
@@ -219,21 +226,29 @@ def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> Non
     grid = figure.add_gridspec(2, len(columns), height_ratios=[half * _ROW, 0.3])
     cells = {(row["kind"], row["strength"]): row for row in table}
     for place, part in enumerate(columns):
-        _column(figure.add_subplot(grid[0, place]), part, half, cells)
-    _legend(figure.add_subplot(grid[1, :]))
+        _draw_cells(figure.add_subplot(grid[0, place]), part, half, cells)
+    key = figure.add_subplot(grid[1, :])
+    key.set_axis_off()
+    steps = [Patch(facecolor=color, label=label) for _, color, label in _STEPS]
+    steps.append(Patch(facecolor=_REFUSED, label="every record refused by name"))
+    key.legend(handles=steps, loc="center", ncols=len(steps), frameon=False, fontsize=8.5, labelcolor=GREY)
     save(figure, path)
 
 
-def _column(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str, str], Row]) -> None:
-    from matplotlib.patches import Rectangle
-
+def _draw_cells(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str, str], Row]) -> None:
+    """One column of the picture: a line a kind, a cell a strength."""
     for down, kind in enumerate(kinds):
         for across, strength in enumerate(STRENGTHS):
-            row = cells.get((kind, strength))
-            if row is None:
+            if (row := cells.get((kind, strength))) is None:
                 continue
-            axes.add_patch(Rectangle((across, down), 1, 1, facecolor=_colour(row), edgecolor="white", linewidth=1.5))
-            for x, text, side in _words(row):
+            is_refused, size = row["refused"] == row["records"], row["worst_z"]
+            color = _REFUSED if is_refused else next(color for limit, color, _ in _STEPS if not size > limit)
+            axes.barh(down + 0.5, 1.0, 1.0, across, color=color, edgecolor="white", linewidth=1.5)
+            z = f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}"
+            texts = [(0.06, f"±{number(row['sigma_median_mgal'])}", "left"), (0.94, z, "right")]
+            if row["refused"]:
+                texts.append((0.56, f"{row['refused']} ref.", "center"))
+            for x, text, side in [(0.5, "refused", "center")] if is_refused else texts:
                 axes.text(across + x, down + 0.54, text, ha=side, va="center", fontsize=7.8)
     axes.set(xlim=(0, len(STRENGTHS)), ylim=(height, 0))
     axes.set_yticks([k + 0.5 for k in range(len(kinds))], kinds, fontsize=8.5)
@@ -243,26 +258,7 @@ def _column(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.grid(visible=False)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-def _colour(row: Row) -> str:
-    if row["refused"] == row["records"]:
-        return _REFUSED
-    return next((colour for limit, colour, _ in _STEPS if row["worst_z"] <= limit), _STEPS[-1][1])
-
-
-def _words(row: Row) -> list[tuple[float, str, str]]:
-    """Texts of a cell with their places and sides."""
-    if row["refused"] == row["records"]:
-        return [(0.5, "refused", "center")]
-    size = row["worst_z"]
-    z = f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}"
-    found = [(0.06, f"±{number(row['sigma_median_mgal'])}", "left"), (0.94, z, "right")]
-    if row["refused"]:
-        found.append((0.56, f"{row['refused']} ref.", "center"))
-    return found
+    axes.spines[:].set_visible(False)
 
 
 def number(value: float) -> str:
@@ -273,17 +269,4 @@ def number(value: float) -> str:
     """
     if not 1e-4 <= value < 1e5:
         return f"{value:.0e}"
-    if value >= 9.95:
-        return f"{value:.0f}"
-    return f"{value:#.2g}"
-
-
-def _legend(axes: Axes) -> None:
-    from matplotlib.patches import Patch
-
-    steps = [Patch(facecolor=colour, label=words) for _, colour, words in _STEPS]
-    refused = Patch(facecolor=_REFUSED, label="every record refused by name")
-    axes.set_axis_off()
-    axes.legend(
-        handles=[*steps, refused], loc="center", ncols=len(_STEPS) + 1, frameon=False, fontsize=8.5, labelcolor=GREY
-    )
+    return f"{value:.0f}" if value >= 9.95 else f"{value:#.2g}"

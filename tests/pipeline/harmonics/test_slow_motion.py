@@ -147,7 +147,7 @@ def test_windows_with_too_little_in_them_have_no_value() -> None:
     whole, coverage = fit_windows(series, basis, weight, 7)
     assert coverage.tolist() == [1.0] * whole.shape[1] == [1.0] * ((200 - 41) // 7 + 1)
     for k in range(whole.shape[1]):
-        direct = weighted_inverse(basis, weight) @ series[7 * k : 7 * k + 41]
+        direct = weighted_inverse(basis, weight)[:6] @ series[7 * k : 7 * k + 41]
         np.testing.assert_allclose(whole[:, k], direct, atol=1e-12)
     short_basis, short_weight = window(8, 0.1, N)
     few = series[:17].copy()

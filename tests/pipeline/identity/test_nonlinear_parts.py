@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dtbtrs
 from pipeline.harmonics.envelope import sliding_envelope
 from pipeline.identity.fit import Fit, system
 from pipeline.identity.motion import SWELL, Motion, design, motion, third_harmonic
-from pipeline.methods.shooting import invert, nonlinear_fit
+from pipeline.methods.exact import invert, nonlinear_fit
 from pipeline.prepared import Prepared, prepare
 
 
@@ -72,7 +72,7 @@ def test_expansion_is_the_derivative() -> None:
     assert (moved.expand(about + move, 6.1)[0] - here) / move == pytest.approx(by_angle, abs=1e-4)
     assert (moved.expand(about, 6.1 + move)[0] - here) / move == pytest.approx(by_frequency, abs=1e-5)
     w, theta = moved.bend / 6.1**2, moved.low
-    pull = 1.0 + moved.seen.vertical / moved.seen.felt_gravity(6.1)
+    pull = 1.0 + moved.observation.vertical / moved.observation.felt_gravity(6.1)
     bend = pull * np.sin(about) / np.cos(theta) + w * ((np.cos(about) - 1) + np.tan(theta) * np.sin(about))
     assert here == pytest.approx(6.2**2 * about - 6.1**2 * bend, abs=1e-13)
     noisy = moving(shift=1e-3).expand(about, 6.1)[0]
@@ -156,7 +156,7 @@ def test_a_notch_is_deaf_at_the_third_harmonic_alone() -> None:
 
 def test_a_reckoned_third_harmonic_serves_as_the_read_one() -> None:
     """Noise so small that both ways are open; the pendulums swing by 20 mrad in swell and heave."""
-    from pipeline.methods import shooting as module
+    from pipeline.methods import exact as module
 
     seen = observe(300.0, 0.04, heave=True)
     noise = 2e-6 * np.random.default_rng(9).normal(size=(2, seen.time.size))

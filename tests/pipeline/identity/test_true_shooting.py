@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from pipeline.identity.motion import design
-from pipeline.methods.shooting import invert
+from pipeline.methods.exact import invert
 from pipeline.prepared import prepare
 
 LENGTH, STEP, NOISE = 80.0, 0.04, 2e-5

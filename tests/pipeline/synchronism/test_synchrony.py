@@ -6,6 +6,7 @@ import importlib.util
 
 import numpy as np
 import pytest
+import xarray as xr
 from known_clocks import NAMED, STATES, adler, made, record_of, swings
 
 import data_schemas
@@ -103,6 +104,15 @@ def test_a_clock_and_a_difference_tell_the_same() -> None:
     other["record"]["combination"].values[1] = [1.0, -1.0]
     assert np.allclose(pendulums_of(other)[1], rows, equal_nan=True)
     assert found(other)["verdict"].values[0] == "antiphase"
+
+
+def test_flags_of_the_film_reach_every_pair() -> None:
+    record, _ = made("antiphase", 0)
+    record["film"] = xr.DataTree(xr.Dataset(attrs={"flags": "marks-long-gap, marks-codes-disagree"}))
+    with pytest.raises(RefusedError, match="--accept marks-codes-disagree"):
+        pipeline.synchrony(record)
+    rows = pipeline.summaries(pipeline.synchrony(record, accept=["marks-codes-disagree"]))
+    assert all({"marks-long-gap", "marks-codes-disagree"} <= set(row["flags"]) for row in rows)
 
 
 def test_three_clocks_make_three_pairs() -> None:

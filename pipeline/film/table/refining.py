@@ -104,6 +104,7 @@ class Refining:
 
     def end(self) -> None:
         """Stop what is under way, and the process."""
+        self.stop()
         self._pool.stop()
         self._pool.join()
 

@@ -162,7 +162,8 @@ def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
         found["reading_difference_disagrees"] = difference.disagree.any(axis=0).astype(np.uint8)
     if paper is not None:
         found["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
-        found["paper_steps"], found["paper_creases"] = paper.steps, paper.creases
+        found["paper_creases"] = paper.creases
+        found |= {"paper_steps": np.array(paper.steps)} if paper.steps else {}
     return found
 
 

@@ -31,7 +31,7 @@ class Paper(NamedTuple):
 
     shift: Floats  # (samples,) px
     creased: NDArray[np.bool_]  # (samples,), on a crease
-    steps: int
+    steps: tuple[float, ...]  # s, when
     creases: int
 
 
@@ -75,8 +75,8 @@ def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> P
         shift = shift + common
     if not shift.any() and not creased.any():
         return None
-    creases = sum(event.length > 0.0 for event in found)
-    return Paper(shift - shift.mean(), creased, len(found) - creases, creases)
+    steps = tuple(sorted(event.time for event in found if not event.length))
+    return Paper(shift - shift.mean(), creased, steps, len(found) - len(steps))
 
 
 def events(time: Floats, column: Floats, difference: int, period: float) -> list[Event]:

@@ -46,6 +46,7 @@ def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
         return Constant(words, kind, max(sigma, EXACT) if given else prior, index, mean, mean, stated=given)
 
     found = [constant(f"zero of trace {j + 1}", kinds.ZERO, "zero", ZERO, j) for j in traces]
+    found += [step_of_zero(j, at) for at in problem.paper_steps for j in traces]
     if np.any(problem.lattice.trace == problem.traces):
         words = "bias of the horizontal acceleration"
         found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))

@@ -164,7 +164,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             spline,
             _track(known, all_times, lattice),
             steps,
-            *(_time_doubt(record) if "film" in record.children else (0.0, 0.0)),
+            *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
         labels,
         traces,
@@ -325,12 +325,14 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
 
 
-def _time_doubt(record: DataTree) -> tuple[float, float]:
-    """1 sigma of the times of a film, s (what is doubted by more is no noise), and the marks' own noise, s3/2."""
-    stated = record["record"].dataset.get("time_uncertainty")
+def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[float, ...]]:
+    """1 sigma of the times of a film, s (what is doubted by more is no noise); the marks' own noise, s3/2; times at
+    which the paper stepped aside, s since the first node."""
+    stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs
     known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
     sigma = float(np.median(known)) if known.size else 0.0
-    return sigma, float(record["film"].attrs.get("time_noise", sigma * np.sqrt(LASTING)))
+    steps = np.atleast_1d(np.asarray(film.get("paper_steps", ()), dtype=np.float64)) - lattice.start
+    return sigma, float(film.get("time_noise", sigma * np.sqrt(LASTING))), tuple(steps.tolist())
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:

@@ -69,6 +69,8 @@ class Problem:
     """1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`."""
     time_noise: float = 0.0
     """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
+    paper_steps: tuple[float, ...] = ()
+    """s since the first node: steps of a film's paper, taken off as well as they show there."""
     repeating: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, root mean square of the errors repeating with the swing that the readings are without; empty: none."""
 

@@ -10,6 +10,7 @@ from test_apparatus import changed
 from test_method import in_sigmas, record
 
 from pipeline import process, summaries
+from pipeline.joint import kinds
 from pipeline.joint.clock import with_clock
 from pipeline.joint.constants import is_mode
 from pipeline.joint.fit import fitted
@@ -58,6 +59,18 @@ def test_time_errors_are_weighed_by_what_is_stated_of_them() -> None:
     rest = found - wander
     rest -= design @ np.linalg.lstsq(design, rest, rcond=None)[0]
     assert rest.std() < 0.1 * wander.std()
+
+
+def test_what_is_left_of_a_step_of_the_paper_is_found() -> None:
+    made, gravity = with_wander(0.0)
+    at, left = 0.4 * np.ptp(made.dataset["time"].values), 2e-5
+    made = changed(made, "elongation", lambda time, value: value + left * (time >= at))
+    made["film"].attrs["paper_steps"] = np.array([at])
+    gathered = gather(made)
+    sizes = [each.value for each in fitted(gathered)[0].solution.constants if each.kind == kinds.STEP]
+    assert gathered.problem.paper_steps == pytest.approx((at - gathered.problem.lattice.start,))
+    assert sizes == pytest.approx([left] * gathered.problem.traces, rel=0.1)
+    assert abs(in_sigmas(summaries(process(made, method="joint"))[0], gravity)) < 3.5
 
 
 def test_noise_of_marks_that_is_not_stated_is_taken_to_last_seconds() -> None:

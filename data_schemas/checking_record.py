@@ -21,8 +21,7 @@ ABSURD = (
     ("instrument", "period", 1e-3, 1e4, "s"),
     ("instrument", "reference_gravity", 1e-6, 1e8, "m s-2"),
     ("instrument", "damping_rate", 0.0, 1e4, "s-1"),
-)
-"""Group, name, least and largest size, unit: arithmetic on others would end in infinities, or exhaust the memory."""
+)  # Group, name, least and largest size, unit: arithmetic on others would end in infinities, or exhaust the memory
 MOST_LABEL = 64
 MOST_TRACES = 500
 MOST_SPAN = 20.0  # times the time that the samples take
@@ -30,8 +29,7 @@ WORDS = {
     ("instrument", "restoring"): ("sine", "linear"),
     ("instrument", "acceleration_frame"): ("earth", "case"),
     ("record", "reference"): ("vertical", "case"),
-}
-"""What an attribute of a group may say, the default first."""
+}  # What an attribute of a group may say, the default first
 
 
 def _entry(contents: Contents, path: str, name: str, dims: tuple[str, ...] = (), dtype: str = "") -> Entry | None:

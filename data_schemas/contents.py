@@ -54,8 +54,7 @@ def key(path: str, name: str) -> str:
     return f"{path}/{name}" if path else name
 
 
-IDENTIFIER = re.compile(r"[A-Za-z0-9._+-]{1,64}")
-"""Of a record."""
+IDENTIFIER = re.compile(r"[A-Za-z0-9._+-]{1,64}")  # Of a record
 
 
 def identifier(text: str) -> str:

@@ -47,8 +47,7 @@ BASES = {name: of_base for name in _of_instrument(BASE) if (of_base := name.remo
 PERIODS = {name: name.removeprefix("base_") for name in _of_instrument(BASE, PENDULUM)}
 """Those with a value a base and pendulum, and their keys."""
 
-COURSES = _of_instrument(also=(TIME,))
-"""Those that may be read again and again while the film runs."""
+COURSES = _of_instrument(also=(TIME,))  # Those that may be read again and again while the film runs
 
 
 class _NamedBase(Section):

@@ -25,8 +25,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 BOOKKEEPING = frozenset(
     b"DIMENSION_LIST REFERENCE_LIST DIMENSION_LABELS CLASS NAME _Netcdf4Dimid _Netcdf4Coordinates _nc3_strict"
     b" _NCProperties".split()
-)
-"""Attributes by which HDF5 and netCDF-4 tie arrays to their dimensions; never part of the content."""
+)  # Attributes by which HDF5 and netCDF-4 tie arrays to their dimensions; never part of the content
 
 _LAYOUTS = frozenset({h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED})
 _FILTERS = frozenset({h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32})

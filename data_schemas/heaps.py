@@ -32,8 +32,7 @@ _LENGTH = struct.Struct("<Q")
 _OBJECT = struct.Struct("<HHIQ")
 _POINTER = np.dtype([("length", "<u4"), ("address", "<u8"), ("index", "<u4")])
 
-Heaps = dict[int, dict[int, int]]
-"""Length of each object by index, by address of its collection."""
+Heaps = dict[int, dict[int, int]]  # Length of each object by index, by address of its collection
 
 
 def sound_heaps(path: str | os.PathLike[str]) -> Heaps:

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
-SLAB = 1 << 16
-"""Elements that `skim` reads at once."""
+SLAB = 1 << 16  # Elements that `skim` reads at once
 
 _RESERVE = 1 << 23
 """Bytes that must be free when a file is opened: where HDF5 finds none for its own it ends the process."""

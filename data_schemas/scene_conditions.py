@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 _TURN = 7.292115e-5  # rad/s, GRS80
 _AXIS, _SQUARE_ECCENTRICITY = 6378137.0, 0.00669438002290  # m, GRS80
 
-LARGEST_CHANGE = 1e-2
-"""Of gravity: 10 Gal, far more than a ship meets."""
+LARGEST_CHANGE = 1e-2  # Of gravity: 10 Gal, far more than a ship meets
 
 
 class LinearCourse(Section):

@@ -115,8 +115,7 @@ class SeaMotion(Section):
 class Table(Section):
     """A series over time: a column of a CSV or netCDF file."""
 
-    section: ClassVar[str] = "motion"
-    """Where in a scene it stands, for messages."""
+    section: ClassVar[str] = "motion"  # Where in a scene it stands, for messages
     file: Name = quantity(..., "", "CSV or netCDF, from the scene's folder")
     time: Column = quantity(1, "", "column of the times in s: a name, or a number counted from 1")
     value: Column = quantity(2, "", "column of the values: a name, or a number counted from 1")

@@ -96,8 +96,7 @@ class Pendulum(Section):
 
 RESISTANCES: dict[str, str] = {
     name: extra(Pendulum, name)["resistance"] for name in Pendulum.model_fields if "resistance" in extra(Pendulum, name)
-}
-"""Fields of a pendulum that resist its swing, and their names."""
+}  # Fields of a pendulum that resist its swing, and their names
 
 
 class Event(Section):

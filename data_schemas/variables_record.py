@@ -116,8 +116,7 @@ def _uncertainty(name: str, row: Variable) -> Variable:
 
 INSTRUMENT: dict[str, Variable] = _CONSTANTS | {
     f"{name}_uncertainty": _uncertainty(name, row) for name, row in _CONSTANTS.items() if row.dtype == "f8"
-}
-"""The constants, and the standard deviation of each."""
+}  # The constants, and the standard deviation of each
 
 FILM: dict[str, Variable] = {
     "trace": text("trace", "label of the recorded trace"),

@@ -199,8 +199,7 @@ SUMMARY: dict[str, Variable] = {
     "period_s": f8("row", "s", "full period at infinitesimal arc", "required missing"),
     "period_sigma_s": f8("row", "s", "standard deviation of the period", "required missing"),
     "samples_used": f8("row", "1", "samples that were used", "required missing"),
-}
-"""Of a batch: one row an input and method, at the root of its file."""
+}  # Of a batch: one row an input and method, at the root of its file
 
 GROUPS = {
     "phases": PHASES,

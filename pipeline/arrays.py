@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.floating[Any]]
-"""Real numbers, double precision in practice."""
-Complexes = NDArray[np.complexfloating[Any, Any]]
-"""Complex numbers, double precision in practice."""
+Floats = NDArray[np.floating[Any]]  # Real numbers, double precision in practice
+Complexes = NDArray[np.complexfloating[Any, Any]]  # Complex numbers, double precision in practice
 EVEN = 1e-9  # s
 DIGITS, ROUNDING = 10, 0.55  # of decimal stamps; of their last digit, by which stamps are off
 STEPS = 3.0  # of a last digit, that a clock may step within the record

@@ -92,8 +92,7 @@ OF_OTHERS = {
 }  # fmt: skip
 """Of a single trace and of synchrony."""
 FLAGS = OF_GRAVITY | OF_FILM | OF_OTHERS
-BLOCKING = tuple(name for name, words in FLAGS.items() if words.blocks)
-"""Those that make time or scale doubtful."""
+BLOCKING = tuple(name for name, words in FLAGS.items() if words.blocks)  # Those that make time or scale doubtful
 
 
 def told(flag: str) -> str:

@@ -14,8 +14,7 @@ from pipeline.ledger import book, own
 from pipeline.ledger.entry import DAY, MGAL, Case, Entry, arc_answer
 from pipeline.prepared import Prepared
 
-SOURCES = {"chronometer": "clock", "base_tie": "ratio"}
-"""Of the ledger's entries that bear another name in the budget."""
+SOURCES = {"chronometer": "clock", "base_tie": "ratio"}  # Of the ledger's entries that bear another name in the budget
 HALVED = 0.75  # of the variance, which must go
 COLOUR = 1.6  # power near the pendulum's frequency over white
 COLOUR_FLOOR = 3e-4  # of the amplitude: a residual below it is the method's, not the readings'

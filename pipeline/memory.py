@@ -7,8 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-PER_DECLARED = 12
-"""Bytes allowed for each byte of values that an input declares."""
+PER_DECLARED = 12  # Bytes allowed for each byte of values that an input declares
 
 _STATM = Path("/proc/self/statm")
 

@@ -14,8 +14,7 @@ from pipeline.gravity import Gravity, gravity
 from pipeline.methods import method
 from pipeline.prepared import CAPTURE, Prepared
 
-DAMPING_DOUBT = 0.3
-"""1 sigma of a difference of damping that is not stated, over the damping."""
+DAMPING_DOUBT = 0.3  # 1 sigma of a difference of damping that is not stated, over the damping
 
 
 @dataclass(frozen=True)

@@ -32,17 +32,12 @@ _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 class Assembly:
     """Equations of motion with their start."""
 
-    system: Any
-    """Of `synth.systems`."""
-    start: Floats
-    """(n,) state at t = 0, in the system's own units."""
+    system: Any  # Of `synth.systems`.
+    start: Floats  # (n,) state at t = 0, in the system's own units
     kicks: Any = None
-    time_scale: float = 1.0
-    """The system's time over seconds."""
-    units: Floats | None = None
-    """(n,) physical state over the system's own; None where they are the same."""
-    board: float | None = None
-    """Displacement of a rolling board by the sum of the sines, m."""
+    time_scale: float = 1.0  # The system's time over seconds
+    units: Floats | None = None  # (n,) physical state over the system's own; None where they are the same
+    board: float | None = None  # Displacement of a rolling board by the sum of the sines, m
 
     def rows(self, states: Floats) -> Floats:
         """Angles of the pendulums, (pendulums, k) rad, and below them the displacement of a support that yields, m.

@@ -110,12 +110,9 @@ _STIFF = 100.0  # rates of the equations above the fastest swing from which Rada
 class Choice:
     """A propagator."""
 
-    propagator: Propagator
-    """Its name in a scene."""
-    why: str
-    """In one line."""
-    instead: tuple[Propagator, ...] = ()
-    """Who may stand in for it, in this order, should it refuse."""
+    propagator: Propagator  # Its name in a scene
+    why: str  # In one line
+    instead: tuple[Propagator, ...] = ()  # Who may stand in for it, in this order, should it refuse
     aim: float = _SMOOTH_AIM
     """Tolerance for integrators where the scene gives none: about what an hour of swings allows."""
 

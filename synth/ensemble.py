@@ -148,11 +148,9 @@ def _ratio(text: str) -> Fraction | None:
 class Member(NamedTuple):
     """One member of an ensemble, simulated."""
 
-    number: int
-    """Counted from 1."""
+    number: int  # Counted from 1
     record: xr.DataTree
-    truth: xr.DataTree
-    """As `simulate` gives them; the truth's attribute ``scene`` is the member's own scene."""
+    truth: xr.DataTree  # As `simulate` gives them; the truth's attribute ``scene`` is the member's own scene
 
 
 def simulate_ensemble(
@@ -215,11 +213,9 @@ def simulate_ensemble(
 class Written(NamedTuple):
     """What became of an ensemble."""
 
-    manifest: Path
-    """Table of the members: number, seed, what varies, names of the files."""
+    manifest: Path  # Table of the members: number, seed, what varies, names of the files
     made: int
-    kept: int
-    """Members whose files were there already."""
+    kept: int  # Members whose files were there already
 
 
 class _Job(NamedTuple):

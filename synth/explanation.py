@@ -30,24 +30,15 @@ _MOST_PERIODS = 4
 class Explanation:
     """How a scene is computed."""
 
-    pendulums: str
-    """How many, and their periods."""
-    terms: dict[str, str]
-    """Terms of the equations of motion, each in words with its numbers."""
-    left_out: tuple[str, ...]
-    """Terms that the scene does not name: no code is compiled or run for them."""
-    readings: str
-    """How many, and when."""
-    propagator: str
-    """As the truth calls it."""
-    why: str
-    """In one line."""
-    instead: tuple[str, ...]
-    """Who would stand in for it, should it refuse."""
-    tolerance: float | None
-    """Error that the scene asks for."""
-    expected_error: float
-    """Of the largest angle."""
+    pendulums: str  # How many, and their periods
+    terms: dict[str, str]  # Terms of the equations of motion, each in words with its numbers
+    left_out: tuple[str, ...]  # Terms that the scene does not name: no code is compiled or run for them
+    readings: str  # How many, and when
+    propagator: str  # As the truth calls it
+    why: str  # In one line
+    instead: tuple[str, ...]  # Who would stand in for it, should it refuse
+    tolerance: float | None  # Error that the scene asks for
+    expected_error: float  # Of the largest angle
 
 
 def explain(scene: Scene) -> Explanation:

@@ -37,23 +37,18 @@ class Jump:
     number: int
     pendulum: int
     angle: float
-    rate: float
-    """rad, of theta and theta'/n: what they become; of a knock, what is added to them."""
-    adds: bool
-    """Whether it is a knock."""
+    rate: float  # rad, of theta and theta'/n: what they become; of a knock, what is added to them
+    adds: bool  # Whether it is a knock
 
 
 @dataclass(frozen=True)
 class Kicks:
     """Impulses of all pendulums; impulse `number`, from 0, comes at (number + 1) * step."""
 
-    step: Fraction
-    """h in s, true time; a multiple or a whole part of the sampling step."""
-    sizes: Floats
-    """(pendulums,) k sqrt(h), rad: standard deviation of the change of theta'/n."""
+    step: Fraction  # h in s, true time; a multiple or a whole part of the sampling step
+    sizes: Floats  # (pendulums,) k sqrt(h), rad: standard deviation of the change of theta'/n
     seed: int
-    labels: tuple[str, ...]
-    """Of the pendulums."""
+    labels: tuple[str, ...]  # Of the pendulums
     jumps: tuple[Jump, ...] = ()
 
     def changes(self, first: int, count: int) -> Floats:

@@ -38,10 +38,8 @@ _UNIT = 2.0 * math.pi / _WORD  # rad
 class Turns:
     """How far each of several harmonics turns in one step."""
 
-    units: NDArray[np.uint64]
-    """(harmonics,) whole units of 2^-64 turn a step, modulo one turn."""
-    remainder: Floats
-    """(harmonics,) what is left, in units."""
+    units: NDArray[np.uint64]  # (harmonics,) whole units of 2^-64 turn a step, modulo one turn
+    remainder: Floats  # (harmonics,) what is left, in units
 
     def angles(self, index: Integers) -> Floats:
         """Angles after `index` steps of either sign, (harmonics, times) rad within half a turn of zero, to 4e-16."""

@@ -32,33 +32,23 @@ class Plan:
     """Everything that decides a trajectory."""
 
     scene: Scene
-    gravity: float
-    """What accelerations compare with, m/s^2."""
+    gravity: float  # What accelerations compare with, m/s^2
     motion: HarmonicSum
-    vertical: HarmonicSum
-    """Horizontal and vertical acceleration of the ship; an empty sum where it is still."""
+    vertical: HarmonicSum  # Horizontal and vertical acceleration of the ship; an empty sum where it is still
     lift: HarmonicSum
     """The vertical one with what acts like it: a temperature or gravity that changes within the record."""
-    frequencies: tuple[float, ...]
-    """n at infinitesimal arc on a rigid support, rad/s."""
+    frequencies: tuple[float, ...]  # n at infinitesimal arc on a rigid support, rad/s
     responses: tuple[Response, ...]
     """Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps."""
-    times: EvenTimes | UnevenTimes
-    """When."""
-    choice: Choice
-    """By what, and why."""
+    times: EvenTimes | UnevenTimes  # When
+    choice: Choice  # By what, and why
     assembly: Callable[[], Assembly]
     """Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay."""
-    kicks: Kicks | None
-    """Random impulses, and what is done by hand."""
-    gravity_change: HarmonicSum | None
-    """What is added to the scene's gravity over time, m/s^2."""
-    mean_change: float
-    """Its mean over the record, m/s^2."""
-    pitch: HarmonicSum | None
-    """Tilt of the case in the plane of swing, rad."""
-    planes: tuple[Plan, ...] = ()
-    """Of each pendulum alone, where their planes of swing are not parallel."""
+    kicks: Kicks | None  # Random impulses, and what is done by hand
+    gravity_change: HarmonicSum | None  # What is added to the scene's gravity over time, m/s^2
+    mean_change: float  # Its mean over the record, m/s^2
+    pitch: HarmonicSum | None  # Tilt of the case in the plane of swing, rad
+    planes: tuple[Plan, ...] = ()  # Of each pendulum alone, where their planes of swing are not parallel
 
     @property
     def propagator(self) -> str:

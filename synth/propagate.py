@@ -16,8 +16,7 @@ from synth.plan import Plan
 from synth.recording.clock import Clock
 
 CLOSED_FORM_ERROR = 1e-15
-WORST_ERROR = 1e-6
-"""Of the largest angle: what is estimated to be worse is no truth, and the scene is refused."""
+WORST_ERROR = 1e-6  # Of the largest angle: what is estimated to be worse is no truth, and the scene is refused
 
 Angles = tuple[Floats, float, str]
 """At all moments of a clock, recorded or not: (pendulums, moments) rad and, on a support that yields, its displacement
@@ -28,8 +27,7 @@ in m as the last row; estimated error of the largest angle; propagator."""
 class SampledMotion:
     """What happened."""
 
-    theta: Floats
-    """(pendulums, samples) angles, rad."""
+    theta: Floats  # (pendulums, samples) angles, rad
     free: Phasors | None
     """(pendulums, samples) free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not
     superpose."""
@@ -37,16 +35,11 @@ class SampledMotion:
     """(pendulums, samples) where `free` is None: what linear pendulums would answer to the support away from their own
     frequency, rad; None too on a support that yields or is still."""
     horizontal_acceleration: Floats
-    vertical_acceleration: Floats
-    """(samples,) m/s^2"""
-    estimated_error: float
-    """Of theta, relative to the largest angle."""
-    propagator: str
-    """By what, as the truth calls it."""
-    support_displacement: Floats | None
-    """(samples,) of a support that yields, m."""
-    gravity_change: Floats | None
-    """(samples,) what is added to the scene's gravity, m/s^2."""
+    vertical_acceleration: Floats  # (samples,) m/s^2
+    estimated_error: float  # Of theta, relative to the largest angle
+    propagator: str  # By what, as the truth calls it
+    support_displacement: Floats | None  # (samples,) of a support that yields, m
+    gravity_change: Floats | None  # (samples,) what is added to the scene's gravity, m/s^2
 
 
 def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]:

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     from xarray import DataTree
 
-Allow = Callable[[int], None]
-"""Told how many bytes of values an input declares, before they are read."""
+Allow = Callable[[int], None]  # Told how many bytes of values an input declares, before they are read
 
 
 def owner_of(folder: Path) -> str:
@@ -51,8 +50,7 @@ class Config:
     variant: tuple[tuple[str, Any], ...] = ()  # what a sweep sets in a scene
     memory: int | None = None  # bytes the process may hold beside twelve times what the input declares; None = no limit
     allow_paths: bool = False  # whether the tables of a scene may lie outside its folder
-    command: str = ""
-    """As the user gave it, for the result."""
+    command: str = ""  # As the user gave it, for the result
 
     @property
     def meaning(self) -> str:
@@ -86,17 +84,14 @@ Status = Literal["ok", "refused", "failed"]
 class Outcome:
     """What became of one input; a line of the ledger. "ok": at least one method gave a value."""
 
-    key: str
-    """Of the job, see `Config`."""
+    key: str  # Of the job, see `Config`
     status: Status
     error_class: str | None = None
     error: str | None = None
     """Why there is no value, in one line. Beside the names of exceptions: "Crashed", "TimedOut", "WorkerLost"."""
     input_sha256: str | None = None
-    output_sha256: str | None = None
-    """Of the files' bytes, where they were read and written."""
-    rows: tuple[dict[str, Any], ...] = ()
-    """What the summary says of each method."""
+    output_sha256: str | None = None  # Of the files' bytes, where they were read and written
+    rows: tuple[dict[str, Any], ...] = ()  # What the summary says of each method
     seconds: float = 0.0
 
     def took(self, seconds: float) -> Outcome:

@@ -22,8 +22,7 @@ from typing import NamedTuple
 class Machine(NamedTuple):
     """What differs between processors; numbers of system calls as in Linux's ``unistd.h``."""
 
-    architecture: int
-    """``AUDIT_ARCH_*`` of linux/audit.h, as the filter is told it."""
+    architecture: int  # ``AUDIT_ARCH_*`` of linux/audit.h, as the filter is told it.
     seccomp: int
     refused: tuple[tuple[int, int], ...]
     """First and last call of each range: about sockets, and io_uring, which opens them by other ways."""

@@ -15,8 +15,7 @@ from data_schemas.errors import UsageError
 from pipeline.batch.config import Kind
 
 _SEPARATOR = f"/{re.escape(os.sep)}"
-_DEEP = re.compile(rf"(?<![^{_SEPARATOR}])\*\*[{_SEPARATOR}]")
-"""The ``**/`` of a pattern that means any folders."""
+_DEEP = re.compile(rf"(?<![^{_SEPARATOR}])\*\*[{_SEPARATOR}]")  # The ``**/`` of a pattern that means any folders
 
 
 class Input(NamedTuple):
@@ -24,8 +23,7 @@ class Input(NamedTuple):
 
     path: Path
     kind: Kind
-    name: str
-    """Its path below the inputs' common folder, without the ending of its kind."""
+    name: str  # Its path below the inputs' common folder, without the ending of its kind
 
 
 def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
@@ -88,11 +86,9 @@ def _unsearchable(error: OSError) -> None:
     raise UsageError(f"{error.filename}: cannot be searched ({error.strerror}); make it readable, or name its files")
 
 
-MOST = 1_000_000
-"""Points of a grid."""
+MOST = 1_000_000  # Points of a grid
 
-Variant = tuple[tuple[str, Any], ...]
-"""One point: keys of the scene by dotted path, each with its value."""
+Variant = tuple[tuple[str, Any], ...]  # One point: keys of the scene by dotted path, each with its value
 
 
 def parse_sweep(word: str) -> tuple[str, list[Any]]:

@@ -25,8 +25,7 @@ from pipeline.batch.config import Config, Outcome, Status
 
 NAME = "ledger.jsonl"
 _CRC = ', "crc32": "'
-_FIRST = b'{"versions": "'
-"""How a ledger begins."""
+_FIRST = b'{"versions": "'  # How a ledger begins
 _MAY = ("error_class", "error", "input_sha256", "output_sha256")
 _CELLS = {name: float | int | None if column.dtype == "f8" else str | None for name, column in SUMMARY.items()}
 MOST_LINE = 1 << 20  # bytes

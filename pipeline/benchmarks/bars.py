@@ -51,8 +51,7 @@ FITS: Mapping[str, tuple[Case, float, float, float]] = {
     "linear": (Case(rate=25.0, linear=True), 4.0, 40.0, 250.0),
     "heave recorded": (BASE, 8.0, 120.0, 800.0),
     "heave not recorded": (replace(BASE, states_heave=False), 25.0, 400.0, 2300.0),
-}
-"""Largest CPU time of one pass and of a whole fit, in chains of hilbert + unwrap + polyfit; of a whole record, ms."""
+}  # Largest CPU time of one pass and of a whole fit, in chains of hilbert + unwrap + polyfit; of a whole record, ms
 DURATION = 1800.0  # s, at 25 Hz
 FORBIDDEN = ("scipy.signal", "matplotlib", "dask", "pydantic")  # what no method of one difference may import
 OF_OTHER_TERMS = ("numba", "scipy", "synth.assembly", "synth.integrators", "synth.systems", "synth.propagators.picard")

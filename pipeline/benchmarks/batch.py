@@ -59,8 +59,7 @@ ends = []
 for path in sorted(Path(records).iterdir()):
     data_schemas.write(process(data_schemas.read(path), method=method), Path(out) / path.name)
     ends.append(time.perf_counter())
-print(json.dumps(ends))"""
-"""The loop that a user would write, and the instants, s, at which its records were done."""
+print(json.dumps(ends))"""  # The loop that a user would write, and the instants, s, at which its records were done
 
 
 def _environment() -> dict[str, str]:

@@ -177,8 +177,7 @@ LINEAR = (
     Kind(
         "linear, eps 1e-3, beats through zero", _linear(1e-3, amplitudes=(0.01, 0.01)), _EXACT, refused=_PHASE_METHODS
     ),
-)
-"""Noise-free linear pendulums in swell; eps is the relative difference of the periods."""
+)  # Noise-free linear pendulums in swell; eps is the relative difference of the periods
 
 
 REAL = (

@@ -176,8 +176,7 @@ _LIMITS = (
     ("single direction", "single", 0.02, ""),
     ("wrong and unflagged", "wrong_unflagged", MOST_WRONG, ""),
     ("swaps", "swaps", 0.0, ""),
-)
-"""What is promised, the score, its largest size and its unit."""
+)  # What is promised, the score, its largest size and its unit
 
 
 def _accuracy(path: Path) -> Iterator[Row]:

@@ -33,8 +33,7 @@ DRIVE = 0.02  # delta, of which the paper gives none
 _A_SWING = 16  # readings
 
 EDGE = 0.08  # asked of the leading order's edge, relative; the map's own step comes on top
-FULL, QUICK = 64, 12
-"""Rows and columns of the map."""
+FULL, QUICK = 64, 12  # Rows and columns of the map
 SWINGS = 2000
 TAUS = (-0.06, 0.06)
 MOST_CHI = 1.3 * COUPLING / 0.02  # of the map: beyond the tip of the tongue

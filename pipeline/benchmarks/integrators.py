@@ -198,8 +198,7 @@ PEERS: Mapping[str, Peer] = {
     "scipy Radau": Peer("scipy", partial(scipy, method="Radau"), True),
     "CVODE Adams": Peer("sksundae", partial(cvode, method="Adams"), False),
     "CVODE BDF": Peer("sksundae", partial(cvode, method="BDF"), True),
-}
-"""All of them, by the names under which rows and pictures show them."""
+}  # All of them, by the names under which rows and pictures show them
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:

@@ -48,8 +48,7 @@ class Problem:
     """One initial value problem, read `count` times, every `step` s, the start among them."""
 
     name: str
-    kind: str
-    """"linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system."""
+    kind: str  # "linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system
     system: Any  # of the project's own; general integrators are given its compiled right-hand side
     start: Floats
     step: Fraction
@@ -181,6 +180,5 @@ OWN: Mapping[str, Callable[[Problem, float], Call]] = {
     COLLOCATION: partial(_integrator, name="collocation"),
     RADAU: partial(_integrator, name="radau"),
     EXPLICIT: partial(_integrator, name="explicit"),
-}
-"""All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call."""
+}  # All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call
 AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)  # propagators that take no tolerance

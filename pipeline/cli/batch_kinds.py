@@ -66,5 +66,4 @@ KINDS = (
     Kind("film", _TIFF, digitise_film, beside=description_beside),
     Kind("film as PNG or JPEG", (".png", ".jpg", ".jpeg"), digitise_film, searched=False, beside=description_beside),
     Kind("scene", (".toml",), simulate_scene, searched=False),
-)
-"""All kinds, by the endings of their files."""
+)  # All kinds, by the endings of their files

@@ -22,8 +22,7 @@ _INSTEAD = {
     "result": "isochrony plot draws it; give NAME.record.nc to reduce again",
     "film-truth": "it is what the reader must not see: give the film to isochrony digitise",
     "summary": "it is a table of a batch: open it with xarray, or give its records",
-}
-"""What to do with a file of each kind."""
+}  # What to do with a file of each kind
 
 
 def outcome_of(fault: IsochronyError) -> str:

@@ -32,8 +32,7 @@ _CHOICES: tuple[tuple[str, str, str, str, str | None, str], ...] = (
     ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto", _TURN),
     ("--lines", "kind of lines", "auto dark light", "TONE", "auto", _LINES),
     ("--reading", "reading", "auto continuous strobe", "HOW", "auto", _READING),
-)
-"""Option, what it is called, its values, metavar, default, help."""
+)  # Option, what it is called, its values, metavar, default, help
 
 
 def add_film_options(parser: argparse.ArgumentParser) -> None:

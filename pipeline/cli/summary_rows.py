@@ -114,8 +114,7 @@ _KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[
     "gravity": (columns("method <14", "gravity m/s2 >12", "sigma mGal >10", "corrected mGal >14"), _gravity),
     "period": (columns("method <14", "period s >11", "sigma s >8"), _period),
     "synchrony": (columns(*_CLOCKS), _synchrony),
-}
-"""Own columns and cells of what a row may tell."""
+}  # Own columns and cells of what a row may tell
 
 
 def _sigma(value: float | None, unknown: str = "?") -> str:

@@ -147,8 +147,7 @@ class ToneCurve:
         return np.stack([self.darkness(grid), self.rate(np.maximum(grid, 0.25 * grid[1]))])
 
 
-UNTOLD = ToneCurve(0.6, 0.2, 1.5)
-"""Where nothing swings on the film, from which its curve could be told."""
+UNTOLD = ToneCurve(0.6, 0.2, 1.5)  # Where nothing swings on the film, from which its curve could be told
 
 
 def plain_emulsion(scan: OpenScan) -> FilmEmulsion:

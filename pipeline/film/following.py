@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
-Progress = Callable[[str, int, int], None]
-"""Told the stage, how much of it is done, and of how much."""
+Progress = Callable[[str, int, int], None]  # Told the stage, how much of it is done, and of how much
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,8 @@ SOURCES = {
     kinds.HEAVE_SCALE: "heave",
     kinds.HEAVE_DELAY: "heave",
     kinds.KNOCK: "kicks",
-}
-"""Of a constant's uncertainty."""
-ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}
-"""Of the ledger, and the constants that make them up."""
+}  # Of a constant's uncertainty
+ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}  # Of the ledger, and the constants that make them up
 PLACES = 256  # moments at which a zero that drifts or steps is squared
 
 

@@ -22,8 +22,7 @@ COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
-GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))
-"""The ship's motion that a cold start allows for."""
+GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
 SPARSE = 2.0  # of the swing between readings, rad
@@ -143,8 +142,7 @@ class Begun:
 
     gathered: Gathered
     assumed: Assumed
-    first: tuple[Constant, ...]
-    """With their priors."""
+    first: tuple[Constant, ...]  # With their priors
     rough: explanation.Fitted
 
     @staticmethod

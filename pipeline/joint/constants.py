@@ -15,23 +15,15 @@ from pipeline.joint.passes import Columns
 class Constant:
     """One unknown constant."""
 
-    name: str
-    """For reports, as "zero of trace 1"."""
-    kind: int
-    """Of `pipeline.joint.filtering`."""
-    prior: float
-    """1 sigma about `mean`, in the constant's own unit."""
-    index: int = -1
-    """Pendulum, trace or state it belongs to; -1: all pendulums."""
-    mean: float = 0.0
-    """Of the prior."""
-    value: float = 0.0
-    """The latest."""
+    name: str  # For reports, as "zero of trace 1"
+    kind: int  # Of `pipeline.joint.filtering`.
+    prior: float  # 1 sigma about `mean`, in the constant's own unit
+    index: int = -1  # Pendulum, trace or state it belongs to; -1: all pendulums
+    mean: float = 0.0  # Of the prior
+    value: float = 0.0  # The latest
     centre: float = 0.0
-    width: float = 0.0
-    """s; see `passes.Columns`."""
-    stated: bool = False
-    """Whether the record states its uncertainty: the prior is then not to be doubted."""
+    width: float = 0.0  # s; see `passes.Columns`.
+    stated: bool = False  # Whether the record states its uncertainty: the prior is then not to be doubted
 
 
 def columns(constants: tuple[Constant, ...]) -> Columns:
@@ -69,18 +61,12 @@ def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
 class Solution:
     """Posterior of the constants."""
 
-    constants: tuple[Constant, ...]
-    """With the new values."""
-    step: Floats
-    """(c,) change from the values before."""
-    covariance: Floats
-    """(c, c)."""
-    log_likelihood: float
-    """Marginal, of the readings."""
-    squares: float
-    """Sum of squares of the whitened prediction errors at the solution."""
-    count: int
-    """Of the readings."""
+    constants: tuple[Constant, ...]  # With the new values
+    step: Floats  # (c,) change from the values before
+    covariance: Floats  # (c, c)
+    log_likelihood: float  # Marginal, of the readings
+    squares: float  # Sum of squares of the whitened prediction errors at the solution
+    count: int  # Of the readings
 
     def of(self, name: str) -> Constant:
         """The constant of a name."""

@@ -13,18 +13,15 @@ from pipeline.joint.constants import Constant, Solution, log_likelihood, solve, 
 KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
 """Root mean squares of the change over reference gravity that are tried: .3 to 300 mGal."""
-LENGTHS = np.array([0.1, 0.3, 1.0])
-"""Correlation times that are tried, of the record's length."""
+LENGTHS = np.array([0.1, 0.3, 1.0])  # Correlation times that are tried, of the record's length
 
 
 @dataclass(frozen=True)
 class Course:
     """Prior of a course: Gaussian, squared-exponential in time."""
 
-    size: float
-    """Root mean square over reference gravity."""
-    length: float
-    """Correlation time, s."""
+    size: float  # Root mean square over reference gravity
+    length: float  # Correlation time, s
 
 
 def knots(duration: float) -> tuple[Constant, ...]:

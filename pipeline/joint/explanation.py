@@ -24,13 +24,11 @@ CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 class Model:
     """One explanation."""
 
-    words: tuple[str, ...]
-    """What it adds to the plainest one."""
+    words: tuple[str, ...]  # What it adds to the plainest one
     assumed: Assumed
     constants: tuple[Constant, ...]
     problem: Problem
-    begun: tuple[Component, ...]
-    """The ship before any was added or moved."""
+    begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
 
 
@@ -40,16 +38,12 @@ class Fitted:
 
     model: Model
     solution: Solution
-    path: Floats
-    """(k, d)."""
-    of: passes.Pass
-    """The last pass: prediction errors at the solution, and the products of their derivatives."""
-    about: tuple[Constant, ...]
-    """What it went about."""
+    path: Floats  # (k, d)
+    of: passes.Pass  # The last pass: prediction errors at the solution, and the products of their derivatives
+    about: tuple[Constant, ...]  # What it went about
     doubt: float = 0.0
     """Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known."""
-    bent: float = 0.0
-    """See `bend`, between the last two paths."""
+    bent: float = 0.0  # See `bend`, between the last two paths
     spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
     """Of the errors, once they are asked for; see `whiteness.errors_by_frequency`."""
 

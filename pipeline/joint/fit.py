@@ -27,19 +27,13 @@ SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate,
 class Outcome:
     """Posterior of gravity, every explanation weighed."""
 
-    fit: explanation.Fitted
-    """The best explanation."""
-    close: list[explanation.Candidate]
-    """Those that stay close to it."""
+    fit: explanation.Fitted  # The best explanation
+    close: list[explanation.Candidate]  # Those that stay close to it
     mean: float
-    sigma: float
-    """Gravity over reference gravity, mean over the record, and its 1 sigma from the readings."""
-    spread: float
-    """Factor in `sigma` by which the prediction errors exceed the model; 1: they are white."""
-    left_out: int
-    """Readings that were not used."""
-    still: tuple[str, ...]
-    """See `gather.Gathered`."""
+    sigma: float  # Gravity over reference gravity, mean over the record, and its 1 sigma from the readings
+    spread: float  # Factor in `sigma` by which the prediction errors exceed the model; 1: they are white
+    left_out: int  # Readings that were not used
+    still: tuple[str, ...]  # See `gather.Gathered`.
 
     @property
     def words(self) -> str:

@@ -19,8 +19,7 @@ from pipeline.arrays import Floats
 from pipeline.joint.ship import Ship
 
 POINTS = 4
-NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(POINTS)[0]
-"""Gauss nodes of a step."""
+NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(POINTS)[0]  # Gauss nodes of a step
 POWERS = 15
 HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: stable where the drift is stiff
 
@@ -28,24 +27,19 @@ HALVINGS = 6  # Van Loan's exponential is taken of a short step, then doubled: s
 class Flow(NamedTuple):
     """Matrices of one step; p pendulums, d states, 4 nodes."""
 
-    step: float
-    """s."""
-    sine: bool
-    """Restoring law; False: linear."""
-    gravity: float
-    """G of the linear part."""
+    step: float  # s
+    sine: bool  # Restoring law; False: linear
+    gravity: float  # G of the linear part
     kappa: Floats
     damping: Floats
     quadratic: Floats
     dry: Floats
     """(p,) n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2."""
-    fade: float
-    """Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns."""
+    fade: float  # Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns
     rows: Floats
     """(8 p + 8 + d, d) what the linear flow makes of a state: each pendulum's angle at the four nodes, each one's
     speed, U, Z, and the state at the end."""
-    noise: Floats
-    """(d, d) covariance of the process noise."""
+    noise: Floats  # (d, d) covariance of the process noise
     heave_noise: float
     """White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
     pendulums by their angles."""
@@ -56,15 +50,12 @@ class Flow(NamedTuple):
     """(p, e, d) rows of each pendulum's angle, as it is read, near a node by the powers of the time from it, under the
     linear flow."""
     horizontal: Floats
-    vertical: Floats
-    """(e, d) the same of U and Z."""
+    vertical: Floats  # (e, d) the same of U and Z
     pull: Floats
     """(4, 4) lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the
     fifth power of the time."""
-    driven: Floats
-    """(2, d) covariance with the process noise of Z and its derivative at the step's end."""
-    heaves: bool
-    """Whether vertical motion that is not recorded acts: what drives it acts within the step too."""
+    driven: Floats  # (2, d) covariance with the process noise of Z and its derivative at the step's end
+    heaves: bool  # Whether vertical motion that is not recorded acts: what drives it acts within the step too
     drives: int
     """Ways in which noise acts on the pendulums within a step: what drives that motion, noise of a recorded one."""
     varying: bool

@@ -46,22 +46,15 @@ class Gathered:
 
     problem: Problem
     pendulums: tuple[str, ...]
-    traces: tuple[str, ...]
-    """Labels."""
-    constants: dict[str, Any]
-    """What /instrument states; see `pipeline.observation.instrument`."""
-    noise: Floats
-    """(t,) stated reading noise, rad; NaN = not stated."""
+    traces: tuple[str, ...]  # Labels
+    constants: dict[str, Any]  # What /instrument states; see `pipeline.observation.instrument`.
+    noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
     heave_noise: float
     """White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2."""
-    heave_doubt: float
-    """1 sigma of its mean over reference gravity, which gravity shares."""
-    still: tuple[str, ...]
-    """Traces that stand still for a while, and when, in words."""
-    tilts: bool
-    """Whether elongations are measured from a case whose tilt is not recorded."""
-    film: bool
-    """Whether the traces were read from a film, whose spots and optics err with the swing."""
+    heave_doubt: float  # 1 sigma of its mean over reference gravity, which gravity shares
+    still: tuple[str, ...]  # Traces that stand still for a while, and when, in words
+    tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
+    film: bool  # Whether the traces were read from a film, whose spots and optics err with the swing
     denser: Callable[[], Gathered]
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 

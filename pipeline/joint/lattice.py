@@ -19,17 +19,13 @@ class Lattice:
     """Steps and readings."""
 
     start: float
-    step: float
-    """Time of the first node by the record's clock, and spacing, s."""
+    step: float  # Time of the first node by the record's clock, and spacing, s
     nodes: int
     node: np.ndarray
-    trace: np.ndarray
-    """(r,)."""
+    trace: np.ndarray  # (r,)
     offset: Floats
-    value: Floats
-    """(r,) s after the node; rad, or acceleration over reference gravity."""
-    combination: Floats
-    """(t, p)."""
+    value: Floats  # (r,) s after the node; rad, or acceleration over reference gravity
+    combination: Floats  # (t, p)
 
     @cached_property
     def time(self) -> Floats:

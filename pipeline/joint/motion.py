@@ -35,8 +35,7 @@ TURN = 1.5  # rad of a motion in a step of the lattice
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 10.0  # in log-likelihood
-KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])
-"""rad s-1/2, tried where none is assumed."""
+KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])  # rad s-1/2, tried where none is assumed
 PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.0, 7)  # of a first sea, rad s-1; of heave, in swings
 SIZES = (1e-4, 1e-3, 1e-2, 1e-1)  # over reference gravity
 GROUND = 3e-6  # over reference gravity, of vibration that a first fit allows for

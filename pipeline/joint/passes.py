@@ -12,32 +12,24 @@ from pipeline.arrays import Floats
 class Readings(NamedTuple):
     """What was read, sorted by the lattice's nodes; k nodes, r readings, t traces, p pendulums."""
 
-    first: np.ndarray
-    """(k + 1,) first reading of each node."""
-    trace: np.ndarray
-    """(r,) below t: a trace; t: the horizontal acceleration, t + 1: the vertical one."""
-    offset: Floats
-    """(r,) time after the node, s, of either sign."""
-    value: Floats
-    """(r,) rad, or acceleration over reference gravity."""
-    variance: Floats
-    """(r,) of the reading; infinite = left out."""
-    combination: Floats
-    """(t, p)."""
+    first: np.ndarray  # (k + 1,) first reading of each node
+    trace: np.ndarray  # (r,) below t: a trace; t: the horizontal acceleration, t + 1: the vertical one
+    offset: Floats  # (r,) time after the node, s, of either sign
+    value: Floats  # (r,) rad, or acceleration over reference gravity
+    variance: Floats  # (r,) of the reading; infinite = left out
+    combination: Floats  # (t, p)
 
 
 class Columns(NamedTuple):
     """The constants; c of them."""
 
     kind: np.ndarray
-    member: np.ndarray
-    """(c,) kind as above; pendulum, trace (-1: all) or state that it belongs to."""
+    member: np.ndarray  # (c,) kind as above; pendulum, trace (-1: all) or state that it belongs to
     centre: Floats
     width: Floats
     """(c,) s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP, CLOCK and
     KNOCK their time; of DRY the centre is the speed below which it fades, rad s-1."""
-    value: Floats
-    """(c,)."""
+    value: Floats  # (c,)
 
 
 class Pass(NamedTuple):
@@ -46,55 +38,43 @@ class Pass(NamedTuple):
     state: Floats
     """(d, c + 1) derivatives by the constants, last the state itself; predicted for the first node, then for the
     next."""
-    covariance: Floats
-    """(d, d)."""
-    normal: Floats
-    """(c + 1, c + 1) sum of products of whitened prediction errors and their derivatives."""
-    totals: Floats
-    """(3,) sum of the logarithms of the deviations; readings used; readings over the gate."""
-    errors: Floats
-    """(r,) prediction errors in their own standard deviations; NaN where there is none."""
+    covariance: Floats  # (d, d)
+    normal: Floats  # (c + 1, c + 1) sum of products of whitened prediction errors and their derivatives
+    totals: Floats  # (3,) sum of the logarithms of the deviations; readings used; readings over the gate
+    errors: Floats  # (r,) prediction errors in their own standard deviations; NaN where there is none
     whitened: Floats
-    scale: Floats
-    """(r,) the same, independent of each other, and their deviations; NaN where the reading was left out."""
+    scale: Floats  # (r,) the same, independent of each other, and their deviations; NaN where the reading was left out
 
 
 class Kept(NamedTuple):
     """What the smoother needs of a stretch of s nodes and its readings; empty arrays: nothing is kept."""
 
-    swing: Floats
-    """(s or 1, 2 p, d) derivative's rows of the step that begins at the node; one where all are alike."""
+    swing: Floats  # (s or 1, 2 p, d) derivative's rows of the step that begins at the node; one where all are alike
     push: Floats
     """(s, f + 1 + drives, 2 p) what that step adds to the pendulums: derivatives by the constants that move them, what
     is left, and by what noise does; see `remainder.Steps.push`."""
-    first: np.ndarray
-    """(s,) the node's first row of the next two."""
+    first: np.ndarray  # (s,) the node's first row of the next two
     row: Floats
     gain: Floats
     """(r, d) whitened rows of the readings in the state, and what they move it by; while the gain is kept, nodes share
     them."""
-    errors: Floats
-    """(r, c + 1) derivatives of the whitened prediction errors, and these; NaN where left out."""
+    errors: Floats  # (r, c + 1) derivatives of the whitened prediction errors, and these; NaN where left out
 
 
 class Slots(NamedTuple):
     """The readings of a node in their order; u of them at most, kept while the next node's are alike."""
 
     reading: np.ndarray
-    trace: np.ndarray
-    """(u,) reading; its trace."""
+    trace: np.ndarray  # (u,) reading; its trace
     offset: Floats
-    variance: Floats
-    """(u,)."""
+    variance: Floats  # (u,)
     row: Floats
-    rate: Floats
-    """(u, d) row of the reading in the state, and its slope in time."""
+    rate: Floats  # (u, d) row of the reading in the state, and its slope in time
     level: Floats
     heave: Floats
     """(u, d) the row under the linear flow alone; what the ship's vertical motion does between the node and the reading
     to a pendulum that it accelerates by as much."""
-    beside: Floats
-    """(u,) what the row has of the path that it is about beside `level`."""
+    beside: Floats  # (u,) what the row has of the path that it is about beside `level`
     pull: Floats
     """(u, 2, 4) factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's
     time."""

@@ -32,14 +32,11 @@ class Assumed:
     """What is random, and how much of it."""
 
     ship: tuple[Component, ...]
-    kick: Floats
-    """(p,) rad s-1/2."""
+    kick: Floats  # (p,) rad s-1/2
     noise: Floats
     """(t + 2,) 1 sigma of the readings of each trace, rad, and of recorded accelerations over reference gravity."""
-    sine: bool
-    """Restoring law."""
-    heave_noise: float = 0.0
-    """Of an interpolated recording of the heave; see `flow.Flow`."""
+    sine: bool  # Restoring law
+    heave_noise: float = 0.0  # Of an interpolated recording of the heave; see `flow.Flow`.
     breaks: tuple[tuple[int, int], ...] = ()
     """Nodes from which a pendulum goes on as nothing before tells, and that pendulum: a knock, a restart."""
 
@@ -50,23 +47,18 @@ class Problem:
 
     lattice: Lattice
     kappa: Floats
-    damping: Floats
-    """(p,) n^2 at reference gravity, s-2; stated damping rates, s-1."""
+    damping: Floats  # (p,) n^2 at reference gravity, s-2; stated damping rates, s-1
     recorded: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     """(k, 4) recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading."""
-    slope: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
-    """(k, 4) its derivative with time."""
-    left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """(r,) readings that are not used."""
-    heave: Callable[[Floats], Floats] | None = None
-    """The same recording at any times since the first node, s."""
+    slope: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))  # (k, 4) its derivative with time
+    left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (r,) readings that are not used
+    heave: Callable[[Floats], Floats] | None = None  # The same recording at any times since the first node, s
     track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty:
     none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
-    time_doubt: float = 0.0
-    """1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`."""
+    time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`.
     time_noise: float = 0.0
     """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
     paper_steps: tuple[float, ...] = ()

@@ -36,11 +36,9 @@ class Joint:
     """The method's outcome on a record."""
 
     reduction: Reduction
-    prepared: Prepared
-    """The smoothed pendulums of the pair, even and without gaps."""
+    prepared: Prepared  # The smoothed pendulums of the pair, even and without gaps
     outcome: Outcome
-    columns: tuple[int, int]
-    """(int, int) places of the pair among the pendulums."""
+    columns: tuple[int, int]  # (int, int) places of the pair among the pendulums
 
     @property
     def eotvos(self) -> str:

@@ -28,31 +28,22 @@ SHARES = 0.5 * np.polynomial.legendre.leggauss(POINTS)[1]
 class Steps(NamedTuple):
     """What n steps do; p pendulums, f forcing constants, d states, e what `ends_of` gives."""
 
-    nodes: Floats
-    """(8 p + 8, n) each pendulum's angle at the four nodes, each one's speed, U, Z."""
-    away: Floats
-    """(e, n) the path's next row less what the linear flow makes of it, see `ends_of`."""
-    shift: Floats
-    """(8, n) what U and Z are moved by along the path itself."""
-    rest: Floats
-    """(p, 6, 4, n) see `LEFT`."""
-    by: Floats
-    """(p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node."""
+    nodes: Floats  # (8 p + 8, n) each pendulum's angle at the four nodes, each one's speed, U, Z
+    away: Floats  # (e, n) the path's next row less what the linear flow makes of it, see `ends_of`
+    shift: Floats  # (8, n) what U and Z are moved by along the path itself
+    rest: Floats  # (p, 6, 4, n) see `LEFT`
+    by: Floats  # (p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node
     weight: Floats
     """(p, 2, 4, n) angle and speed at the end to an acceleration at each node, which moves the angles at the others
     too."""
-    factor: Floats
-    """(p, 16, 2, n) derivatives of angle and speed at the end to those four at each node."""
-    swing: Floats
-    """(p, 2 n, d) what that adds to their derivatives by the state."""
-    extra: Floats
-    """(2 p, n) what the steps add to the pendulums beside what the derivatives do."""
+    factor: Floats  # (p, 16, 2, n) derivatives of angle and speed at the end to those four at each node
+    swing: Floats  # (p, 2 n, d) what that adds to their derivatives by the state
+    extra: Floats  # (2 p, n) what the steps add to the pendulums beside what the derivatives do
     push: Floats
     """(f + 1 + 2 + 4, 2 p, n) derivatives by the constants that move the pendulums; `extra`; where vertical motion is
     not recorded, by what drives Z and its derivative within the step; where it is, impulses of the recording's
     noise."""
-    room: Floats
-    """(8, n)."""
+    room: Floats  # (8, n)
 
 
 @kernel

@@ -41,10 +41,8 @@ class Oscillators:
     """A chain of damped oscillators driven by white noise; an acceleration in units of reference gravity."""
 
     frequency: float
-    damping: float
-    """Of each oscillator, rad s-1 and s-1."""
-    rms: float
-    """Of the acceleration over reference gravity."""
+    damping: float  # Of each oscillator, rad s-1 and s-1
+    rms: float  # Of the acceleration over reference gravity
     axis: Axis = "horizontal"
     """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 
@@ -99,10 +97,8 @@ class Engine(Oscillators):
 class Vibration:
     """A smooth broad-band component: Matern process of smoothness 5/2."""
 
-    rate: float
-    """Inverse of the correlation time, s-1."""
-    rms: float
-    """Of the acceleration over reference gravity."""
+    rate: float  # Inverse of the correlation time, s-1
+    rms: float  # Of the acceleration over reference gravity
     axis: Axis = "horizontal"
     """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 

@@ -95,21 +95,16 @@ class Band:
 
     trace: int
     power: Floats
-    weight: Floats
-    """(f,) mean power of the errors, and number of ordinates."""
-    frequency: Floats
-    """(m, f) rad s-1, the bin's own in the middle row."""
+    weight: Floats  # (f,) mean power of the errors, and number of ordinates
+    frequency: Floats  # (m, f) rad s-1, the bin's own in the middle row
     across: Floats
     aside: Floats
     upright: Floats
     """(m, f) square of the trace's answer to U, to U of all but the first pendulum, and to Z on either side of the
     swing."""
-    kicked: Floats
-    """(m, f, p) the same to the kicks of each pendulum."""
-    step: float
-    """s between samples."""
-    level: float
-    """The same to the tilt of the case."""
+    kicked: Floats  # (m, f, p) the same to the kicks of each pendulum
+    step: float  # s between samples
+    level: float  # The same to the tilt of the case
 
     @staticmethod
     def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
@@ -167,8 +162,7 @@ class Shown:
 
     bands: tuple[Band, ...]
     assumed: Assumed
-    swing: float
-    """rad s-1."""
+    swing: float  # rad s-1
     _answers: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
     @staticmethod

@@ -25,8 +25,7 @@ GIVEN: list[Correction] = [
     instrument.air_density, instrument.flexure, instrument.base_tie, stand.yaw, stand.tilt, way, moon_and_sun,
 ]  # fmt: skip
 """What the record states of clock, instrument, stand and way, in the order in which it is applied."""
-GROUP = "isochrony.corrections"
-"""Of entry points."""
+GROUP = "isochrony.corrections"  # Of entry points
 
 
 def corrections() -> tuple[Correction, ...]:

@@ -52,12 +52,10 @@ DECLARED: dict[str, Method] = {
 """Those of the package, the plainest first."""
 PAIR_METHODS: tuple[str, ...] = tuple(name for name, each in DECLARED.items() if each.function)
 """Methods of the package that look at one difference of two pendulums."""
-METHODS: tuple[str, ...] = tuple(DECLARED)
-"""What `process` takes, beside those that are registered."""
+METHODS: tuple[str, ...] = tuple(DECLARED)  # What `process` takes, beside those that are registered
 BEST_FIRST = ("joint", "shooting", "projection", "complex", "panteleev", "general", "vening-meinesz", "uncorrected")
 """Methods, the most exact first."""
-GROUP = "isochrony.methods"
-"""Of entry points."""
+GROUP = "isochrony.methods"  # Of entry points
 
 
 def register_method(name: str, function: Function, *, words: str = "") -> None:

@@ -14,8 +14,7 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, unwrapped
 
-SWINGS = 6.0
-"""Length of a window, in swings: what the phases of both do within it is averaged."""
+SWINGS = 6.0  # Length of a window, in swings: what the phases of both do within it is averaged
 LEAST_COVERAGE = 0.5
 _LEAST_SWINGS = 12.0
 _LEAST_READINGS = 12  # of a window

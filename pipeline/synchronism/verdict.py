@@ -21,12 +21,9 @@ _LEAST = 8
 REMEDY = "install allantools, as with pip install 'isochrony[clocks]'"
 _RATE_BLOCKS = 16
 VERDICTS = ("in phase", "antiphase", "quadrature", "other angle", "drifting", "intermittent")
-ANGLE = math.radians(15.0)
-"""Locked angles nearer than this to 0, pi and +-pi/2 bear these names."""
-STEADY = 0.15
-"""rad: what psi may move in half a record and count as locked; slower drift cannot be told from settling."""
-RESTING = 0.5
-"""Length of the mean of e^{i psi} or e^{2i psi} from which slipping clocks count as resting in between."""
+ANGLE = math.radians(15.0)  # Locked angles nearer than this to 0, pi and +-pi/2 bear these names
+STEADY = 0.15  # rad: what psi may move in half a record and count as locked; slower drift cannot be told from settling
+RESTING = 0.5  # Length of the mean of e^{i psi} or e^{2i psi} from which slipping clocks count as resting in between
 _NEAR = 0.1  # rad about the last angle within which psi counts as arrived
 _BLOCKS = 8
 _TWO_PI = 2.0 * math.pi

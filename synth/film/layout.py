@@ -15,8 +15,7 @@ from synth.film.source import Source
 from synth.phase import Floats
 
 Pixels = NDArray[np.float32]
-STRIP = 1024
-"""Rows of a strip, of the image file and of all chance."""
+STRIP = 1024  # Rows of a strip, of the image file and of all chance
 INCH = 25.4  # mm
 _WIDEST = 4.0  # times the paper: a canvas wider than that is mostly empty
 _MOST_ROWS = 2**31 - 1
@@ -29,20 +28,14 @@ class Geometry:
     """The affine map from along and across the film, mm, to row and column, px; pixel i has its centre at i + 0.5."""
 
     rows: int
-    columns: int
-    """Of the image."""
+    columns: int  # Of the image
     row: tuple[float, float, float]
-    column: tuple[float, float, float]
-    """(constant, per mm along, per mm across)."""
-    turn: float
-    """Rotation of the paper, rad."""
-    corner: tuple[float, float]
-    """(row, column) of the paper's corner where along and left edge begin, px."""
+    column: tuple[float, float, float]  # (constant, per mm along, per mm across)
+    turn: float  # Rotation of the paper, rad
+    corner: tuple[float, float]  # (row, column) of the paper's corner where along and left edge begin, px
     length: float
-    width: float
-    """Of the paper, px."""
-    pixels: float
-    """Pixels to the millimetre of the scan."""
+    width: float  # Of the paper, px
+    pixels: float  # Pixels to the millimetre of the scan
 
     def rows_of(self, along: Floats, across: Floats) -> Floats:
         """Row of places, px."""
@@ -113,8 +106,7 @@ class Layout:
 
     position: Floats
     offset: Floats
-    lever: Floats
-    """(traces,) across at rest, mm; later along the film, mm; mm/rad."""
+    lever: Floats  # (traces,) across at rest, mm; later along the film, mm; mm/rad
 
 
 @dataclass(frozen=True)
@@ -125,8 +117,7 @@ class FilmPlan:
     film: Film
     seed: int
     layout: Layout
-    light: tuple[Light, ...]
-    """When each trace is lit."""
+    light: tuple[Light, ...]  # When each trace is lit
     transport: Transport
     geometry: Geometry
     marks: Marks

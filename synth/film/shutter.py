@@ -21,12 +21,10 @@ _MOST = 4.0  # sigmas: a wilder error is cut off, so that the film never stands
 class Marks:
     """Every gap of the shutter, and those that were left out, in order of time."""
 
-    time: Floats
-    """(marks,) their middle, s."""
+    time: Floats  # (marks,) their middle, s
     minute: NDArray[np.uint8]
     missing: NDArray[np.uint8]
-    spurious: NDArray[np.uint8]
-    """(marks,) second gap of a full minute; left out; no mark at all."""
+    spurious: NDArray[np.uint8]  # (marks,) second gap of a full minute; left out; no mark at all
 
 
 class Light(NamedTuple):

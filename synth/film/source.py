@@ -20,11 +20,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-RATE = 100
-"""Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s."""
+RATE = 100  # Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s
 
-FEWEST = 8
-"""Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5."""
+FEWEST = 8  # Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5
 
 _BETWEEN = 60.0  # s between two readings of the thermometers
 BLOCK = 1 << 16  # samples of one set of splines
@@ -40,21 +38,15 @@ class Source:
     title: str
     start_time: str
     traces: tuple[str, ...]
-    pendulums: tuple[str, ...]
-    """Labels."""
-    combination: Floats
-    """(traces, pendulums)."""
-    instrument: dict[str, Any]
-    """Name of a variable of /instrument to its numbers, as far as known."""
+    pendulums: tuple[str, ...]  # Labels
+    combination: Floats  # (traces, pendulums)
+    instrument: dict[str, Any]  # Name of a variable of /instrument to its numbers, as far as known
     restoring: str
     readings: list[dict[str, float]]
     """Conditions that change with time, as an observer would read them: once a minute and at the end."""
-    longest: float
-    """Samples further apart than this belong to a gap, s."""
-    time: Floats
-    """(samples,) s."""
-    elongation: Floats
-    """(traces, samples) rad."""
+    longest: float  # Samples further apart than this belong to a gap, s
+    time: Floats  # (samples,) s
+    elongation: Floats  # (traces, samples) rad
     scene: Scene | None = None
 
     @property

@@ -21,8 +21,7 @@ STEP = 1.0  # sigmas of a step along the line: in each, the spot is put down at 
 FINE = 256  # entries of the table to the sigma: straight lines between them err by 5e-7
 _EARLY = 0.5 - 0.5 / math.sqrt(3.0)  # the two places of Gauss in a step
 _NEWTON = 6
-SCANNER_RANGE = 2.2
-"""The scanner shows a density as the value 10^(-density / 2.2) of its full scale."""
+SCANNER_RANGE = 2.2  # The scanner shows a density as the value 10^(-density / 2.2) of its full scale.
 
 
 class Line(NamedTuple):

@@ -20,8 +20,7 @@ from synth.systems.resistance import VanDerPolDrive
 from synth.systems.symmetry import symmetric
 from synth.systems.yielding import ElasticBeam
 
-LIKELY = 1e-6
-"""Share of the swing by which a start is moved: far above rounding, far below any reading."""
+LIKELY = 1e-6  # Share of the swing by which a start is moved: far above rounding, far below any reading
 
 
 class Clocks(NamedTuple):

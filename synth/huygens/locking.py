@@ -23,8 +23,7 @@ from synth.huygens.slow_flow import rates, slopes, stability
 from synth.phase import Floats
 
 DAY = 86400.0
-_BALANCE_STEP, _ORBIT_STEP = 1e-7, 1e-6
-"""chi: large against rounding over k, small against what makes k change."""
+_BALANCE_STEP, _ORBIT_STEP = 1e-7, 1e-6  # chi: large against rounding over k, small against what makes k change
 _PLACES = 48  # over a quarter of psi's turn: the integrand is smooth and repeats
 _NEAR = 1e-4
 _SCAN = 24

@@ -28,8 +28,7 @@ from synth.systems.dispatch import derivative
 _STAGES = 12
 _NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STAGES + 1, :_STAGES])
 """A row of weights for each stage, the last for the step."""
-STEPS = 48
-"""Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13."""
+STEPS = 48  # Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13.
 _ORDER = 8
 _APART, _SHARES = 3e-3, (1.5, -0.6, 0.1)  # of tangents: step of the differences over the state's size, and weights
 _MOST_TURNS = 30

@@ -25,8 +25,7 @@ from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
 
 ORDERS = 5  # differences kept; the guess that sums the first k of them is guess k, and guess `ORDERS` the polynomial
-DONE, TURNING, ROUGH = 0, 1, 2
-"""All intervals done; iteration did not settle; the nodes do not resolve the motion."""
+DONE, TURNING, ROUGH = 0, 1, 2  # All intervals done; iteration did not settle; the nodes do not resolve the motion
 _MOST_TURNS = 16  # iterations after which an interval counts as too long
 _CAUTION = 4.0  # a turn may change this many times more than the turns of the interval before promise, squared
 _WILD = 1e4  # change of a position in sizes, squared, from which no later turn leads back

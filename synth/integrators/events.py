@@ -33,16 +33,11 @@ _SAME = 1e-12  # crossings nearer than this share of a step are one instant: all
 class Escapement(NamedTuple):
     """Kicks to give: at a crossing the pendulum's rate jumps along its motion, so that the energy grows as stated."""
 
-    component: Integers
-    """(kicks,) place of the pendulum's angle in the state; its rate follows."""
-    level: Floats
-    """(kicks,) crossing angle, rad."""
-    direction: Integers
-    """(kicks,) +1 rising, -1 falling, 0 either."""
-    pendulum: Integers
-    """(kicks,) number of the pendulum, from 0."""
-    energy: Floats
-    """(kicks,) energy of a kick, >= 0: J, or per m l^2 (rad^2/s^2) for systems without masses."""
+    component: Integers  # (kicks,) place of the pendulum's angle in the state; its rate follows
+    level: Floats  # (kicks,) crossing angle, rad
+    direction: Integers  # (kicks,) +1 rising, -1 falling, 0 either
+    pendulum: Integers  # (kicks,) number of the pendulum, from 0
+    energy: Floats  # (kicks,) energy of a kick, >= 0: J, or per m l^2 (rad^2/s^2) for systems without masses
 
 
 def escapement(

@@ -23,8 +23,7 @@ WEIGHTS = (
     *(tuple(row[:stage]) for stage, row in enumerate(DOP853.A.tolist()) if stage),
     tuple(DOP853.B.tolist()),
     *(tuple(row[:stage]) for stage, row in enumerate(DOP853.A_EXTRA.tolist(), start=13)),
-)
-"""Row 12 holds the weights of the solution itself."""
+)  # Row 12 holds the weights of the solution itself
 
 # fmt: off
 CORRECTION = (

@@ -74,5 +74,4 @@ def _legendre(degree: int) -> Any:
     )
 
 
-THREE, FIVE, SEVEN = (_tableau(stages) for stages in (3, 5, 7))
-"""Orders 5, 9 and 13."""
+THREE, FIVE, SEVEN = (_tableau(stages) for stages in (3, 5, 7))  # Orders 5, 9 and 13

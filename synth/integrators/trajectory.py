@@ -29,19 +29,14 @@ _NEGLIGIBLE = 1e-14  # share of the largest component
 class Trajectory:
     """States at the requested times, with what they cost and how good they are."""
 
-    times: Floats
-    """(k,) s, increasing."""
-    states: Floats
-    """(k, n) states at `times`."""
+    times: Floats  # (k,) s, increasing
+    states: Floats  # (k, n) states at `times`
     estimated_error: float
     """Largest estimated error of any component at any of `times`, relative to the largest size of that component
     anywhere on the way (start, steps and `times`); see `relative_error`."""
-    steps: int
-    """Accepted steps."""
-    evaluations: int
-    """Calls of the derivative, those of rejected steps and of the error estimate included."""
-    rejected: int
-    """Steps that were tried and given up."""
+    steps: int  # Accepted steps
+    evaluations: int  # Calls of the derivative, those of rejected steps and of the error estimate included
+    rejected: int  # Steps that were tried and given up
 
 
 def checked(

@@ -21,11 +21,9 @@ _SPLITTER = (1 << 27) + 1  # leaves half of a double's digits (Dekker 1971)
 class Comb:
     """Harmonics k = 0, 1 ... count - 1 of one period, so many that they are better summed by a Fourier transform."""
 
-    first: int
-    """Place of k = 0 among all harmonics of the sum."""
+    first: int  # Place of k = 0 among all harmonics of the sum
     count: int
-    period: Fraction
-    """s, exact; their frequencies are these multiples, and `angular_frequency` holds them rounded."""
+    period: Fraction  # s, exact; their frequencies are these multiples, and `angular_frequency` holds them rounded
 
     @property
     def span(self) -> slice:
@@ -50,12 +48,9 @@ class Comb:
 class HarmonicSum:
     """x''(t) = Re sum acceleration * exp(i angular_frequency t)."""
 
-    angular_frequency: Floats
-    """(harmonics,) rad/s, not negative; taken as exact, but for those of combs."""
-    acceleration: Phasors
-    """(harmonics,) amplitude and phase, m/s^2."""
-    combs: tuple[Comb, ...] = ()
-    """The last harmonics, if they are many multiples of one frequency."""
+    angular_frequency: Floats  # (harmonics,) rad/s, not negative; taken as exact, but for those of combs
+    acceleration: Phasors  # (harmonics,) amplitude and phase, m/s^2
+    combs: tuple[Comb, ...] = ()  # The last harmonics, if they are many multiples of one frequency
 
     @property
     def alone(self) -> int:

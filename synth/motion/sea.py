@@ -19,8 +19,7 @@ from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats
 
 PEAK_FACTOR = {"jonswap": 3.3, "pierson-moskowitz": 1.0}
-LOWEST = 0.5
-"""Lowest frequency of a sea, as a multiple of the peak's: below it lies 2e-9 of the variance."""
+LOWEST = 0.5  # Lowest frequency of a sea, as a multiple of the peak's: below it lies 2e-9 of the variance
 
 _TOP = 40.0  # end of the numerical integral; beyond it the spectrum is x^-5 and its integral x^-4/4
 _POINTS = 20_001

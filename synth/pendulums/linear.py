@@ -43,22 +43,14 @@ class Response:
     """Motion of one pendulum, as coefficients of known functions of time."""
 
     frequency: float
-    damping_rate: float
-    """n in rad/s, gamma in 1/s."""
-    damped_frequency: Fraction
-    """omega in rad/s, beyond double precision."""
-    start: complex
-    """Z(0), rad."""
-    forced: Phasors
-    """(harmonics,) coefficient of exp(i w t) in psi, rad; zero for near-resonant harmonics."""
-    near: NDArray[np.int64]
-    """(beats,) which harmonics are near-resonant."""
-    gain: Phasors
-    """(beats,) G, rad/s."""
-    split: Phasors
-    """(beats,) mu = i m - lambda, rad/s; exact in the difference of the two frequencies."""
-    combs: tuple[Comb, ...] = ()
-    """The last harmonics, if they are many multiples of one frequency."""
+    damping_rate: float  # n in rad/s, gamma in 1/s
+    damped_frequency: Fraction  # omega in rad/s, beyond double precision
+    start: complex  # Z(0), rad
+    forced: Phasors  # (harmonics,) coefficient of exp(i w t) in psi, rad; zero for near-resonant harmonics
+    near: NDArray[np.int64]  # (beats,) which harmonics are near-resonant
+    gain: Phasors  # (beats,) G, rad/s
+    split: Phasors  # (beats,) mu = i m - lambda, rad/s; exact in the difference of the two frequencies
+    combs: tuple[Comb, ...] = ()  # The last harmonics, if they are many multiples of one frequency
 
     @property
     def alone(self) -> int:

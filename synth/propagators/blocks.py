@@ -37,16 +37,14 @@ _POINTS = 16  # of the grid under the kernel
 _HALF = _POINTS // 2
 _SHAPE = 1.5 * math.pi * _HALF  # beta: the kernel's transform ends where the aliases of K = M/4 begin
 _TERMS = 16  # of the polynomials: 1e-16 of the largest
-Places = NDArray[np.uint64]
-"""Where in the period, in 2^-64 of it."""
+Places = NDArray[np.uint64]  # Where in the period, in 2^-64 of it
 
 
 @dataclass(frozen=True)
 class Ticks:
     """Moments t = index * step."""
 
-    index: Integers
-    """(moments,) evenly spaced or not."""
+    index: Integers  # (moments,) evenly spaced or not
 
     @property
     def count(self) -> int:
@@ -92,13 +90,10 @@ class Blocks:
     The moments of a block run from the farthest before the centre to the farthest after it.
     """
 
-    centres: Ticks | EvenTicks
-    """t_b"""
-    reaches: Ticks | EvenTicks
-    """tau, positive and increasing."""
+    centres: Ticks | EvenTicks  # t_b
+    reaches: Ticks | EvenTicks  # tau, positive and increasing
     centre_step: Fraction
-    reach_step: Fraction
-    """Their steps, s; exact."""
+    reach_step: Fraction  # Their steps, s; exact
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -153,10 +148,8 @@ def product(even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, F
 class PeriodicSums:
     """Real parts of several sums of coefficient * exp(2 pi i k t/period)."""
 
-    period: Fraction
-    """s"""
-    coefficients: Phasors
-    """(sums, K)."""
+    period: Fraction  # s
+    coefficients: Phasors  # (sums, K)
 
     @cached_property
     def _digits(self) -> int:

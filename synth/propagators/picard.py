@@ -55,10 +55,8 @@ _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even
 class Swing(NamedTuple):
     """Angles at the next readings."""
 
-    theta: Floats
-    """(pendulums, readings) rad."""
-    estimated_error: float
-    """Of the largest error up to here, relative to the largest angle of the pendulum up to here."""
+    theta: Floats  # (pendulums, readings) rad
+    estimated_error: float  # Of the largest error up to here, relative to the largest angle of the pendulum up to here
 
 
 @dataclass(frozen=True)
@@ -81,19 +79,13 @@ class PicardPlan:
     frequencies: Floats
     damping_rates: Floats
     """(pendulums,) n > 0 in rad/s at infinitesimal arc, gamma in 1/s; taken as the doubles they are."""
-    starts: Floats
-    """(pendulums, 2) angle in rad and angular velocity in rad/s at t = 0."""
+    starts: Floats  # (pendulums, 2) angle in rad and angular velocity in rad/s at t = 0
     horizontal: HarmonicSum
-    vertical: HarmonicSum
-    """x'' and z'' (up), m/s^2."""
-    gravity: float
-    """m/s^2"""
-    times: EvenTimes | UnevenTimes
-    """Readings, increasing, none before t = 0."""
-    linear: bool = False
-    """Whether the law is linear: r = -zeta theta - u_near."""
-    kicks: Kicks | None = None
-    """Impulses at ends of intervals."""
+    vertical: HarmonicSum  # x'' and z'' (up), m/s^2
+    gravity: float  # m/s^2
+    times: EvenTimes | UnevenTimes  # Readings, increasing, none before t = 0
+    linear: bool = False  # Whether the law is linear: r = -zeta theta - u_near
+    kicks: Kicks | None = None  # Impulses at ends of intervals
 
     def elongation(self) -> tuple[Floats, float]:
         """Angles at all readings.

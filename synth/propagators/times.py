@@ -31,8 +31,7 @@ from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
 from synth.propagators.blocks import Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
 
-Seconds = tuple[Floats, Floats]
-"""t_b and tau, s."""
+Seconds = tuple[Floats, Floats]  # t_b and tau, s
 
 _SLOW = 1.0
 """Of |mu| times the last moment: a beat that turns less is told by its growth, any other is its two harmonics."""
@@ -184,11 +183,9 @@ def _fastest(responses: Sequence[Response], angular_frequency: Floats) -> float:
 class EvenTimes(Times):
     """Even moments, as a propagator wants them."""
 
-    step: Fraction
-    """s, of true time"""
+    step: Fraction  # s, of true time
     count: int
-    first: int = 0
-    """Steps before the first of these moments."""
+    first: int = 0  # Steps before the first of these moments
 
     def stretch(self, begin: int, end: int) -> EvenTimes:
         """The moments from number `begin` up to `end`, counted among these."""
@@ -214,10 +211,8 @@ class EvenTimes(Times):
 class UnevenTimes(Times):
     """Moments in any order."""
 
-    seconds: Floats
-    """(moments,) time of the chronometer, taken as exact."""
-    scale: Fraction
-    """True time over the chronometer's."""
+    seconds: Floats  # (moments,) time of the chronometer, taken as exact
+    scale: Fraction  # True time over the chronometer's
 
     @property
     def count(self) -> int:

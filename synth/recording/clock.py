@@ -25,14 +25,11 @@ _UNEVEN = 2  # how many times fewer they are at uneven moments, which take the v
 class Clock:
     """Moments of the readings, or of a portion of them."""
 
-    times: EvenTimes | UnevenTimes
-    """The propagator's moments, in true time."""
+    times: EvenTimes | UnevenTimes  # The propagator's moments, in true time
     kept: Integers | slice
     """(readings,) which of the propagator's moments are recorded: readings that are absent are left out afterwards."""
-    scale: Fraction
-    """True time over the chronometer's."""
-    begin: int = 0
-    """Readings before the first of these."""
+    scale: Fraction  # True time over the chronometer's
+    begin: int = 0  # Readings before the first of these
 
     @property
     def count(self) -> int:

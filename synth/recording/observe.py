@@ -22,8 +22,7 @@ from synth.recording.clock import Clock
 from synth.recording.defects import Defects
 from synth.seeds import generator
 
-Variables = dict[str, tuple[tuple[str, ...], Any]]
-"""Dimensions and values by name."""
+Variables = dict[str, tuple[tuple[str, ...], Any]]  # Dimensions and values by name
 
 _SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitude", "longitude", "height")
 

@@ -105,8 +105,7 @@ def remainder(work: Any, sideways: Any, upwards: Any, system: Any, now: int) -> 
     """Accelerations less the linear part at all nodes of an interval; see `integrators.collocation_remainders`."""
 
 
-_STEP = 2.0**-24
-"""Of a difference: it errs by 3e-8 of the second derivative, and by 2e-9 of the function."""
+_STEP = 2.0**-24  # Of a difference: it errs by 3e-8 of the second derivative, and by 2e-9 of the function
 
 
 @taken_in

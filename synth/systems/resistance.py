@@ -20,8 +20,7 @@ from synth.phase import Floats
 from synth.systems.dispatch import registered
 from synth.systems.terms import together
 
-LAWS: dict[str, type] = {}
-"""Kinds of terms by the field of a scene's pendulum that brings them."""
+LAWS: dict[str, type] = {}  # Kinds of terms by the field of a scene's pendulum that brings them
 
 
 def law(field: str) -> Callable[[type], type]:

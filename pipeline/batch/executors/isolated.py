@@ -28,11 +28,9 @@ from pipeline.batch.record import process_record
 from pipeline.batch.warming import warm
 from synth.kernels.cache import cache_folder
 
-ATTEMPTS = 3
-"""How often a record is begun whose process vanished before it began, or fell silent."""
+ATTEMPTS = 3  # How often a record is begun whose process vanished before it began, or fell silent
 
-LOOK = 5.0
-"""s after which a silent process is looked for."""
+LOOK = 5.0  # s after which a silent process is looked for
 
 _START = 900.0  # s a process may take to start, with all kernels compiled anew, on a busy machine
 

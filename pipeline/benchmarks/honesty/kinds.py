@@ -106,8 +106,7 @@ STRENGTHS = ("weak", "middle", "strong")
 class Kind:
     """One entry of the table."""
 
-    group: str
-    """{"sea", "instrument"}"""
+    group: str  # {"sea", "instrument"}
     source: str  # what the strengths rest on
     varied: Mapping[str, tuple[Any, Any, Any]] = field(default_factory=dict)
     """Field of `Case`: its values, weak, middle and strong."""
@@ -251,8 +250,7 @@ MIXABLE = tuple(
     for name, kind in KINDS.items()
     if kind.group == "sea"
     and name not in ("mixture", "linear law not stated", "short record", "second marks", "engine at 8 Hz")
-)
-"""What a mixture draws from, without an engine that noise hides; of two that set one quantity the later holds."""
+)  # What a mixture draws from, without an engine that noise hides; of two that set one quantity the later holds
 
 
 def case_of(kind: str, strength: str, base: Case | None = None) -> Case:

@@ -106,8 +106,7 @@ def _lose(out: Floats, times: Floats, case: Case, random: np.random.Generator) -
 class Made(NamedTuple):
     """A record and the truth that a reduction must not see."""
 
-    tree: DataTree
-    """Layout "isochrony-record"."""
+    tree: DataTree  # Layout "isochrony-record"
     gravity: float  # mean over the record, m/s^2
     case: Case  # what it was made with
     law: Floats  # of gravity in time, see `plain.gravity_at`

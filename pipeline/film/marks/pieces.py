@@ -15,8 +15,7 @@ from pipeline.film.scan.opening import OpenScan
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Spans = Sequence[tuple[int, int]]
-"""First and last rows of stretches of film."""
+Spans = Sequence[tuple[int, int]]  # First and last rows of stretches of film
 
 ROWS = 1024  # of a piece
 MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole

@@ -97,8 +97,7 @@ class Turn(NamedTuple):
 TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")  # transposed, rows reversed, columns reversed
 UPRIGHT = {code: Turn(*(letter in turn for letter in "trc")) for code, turn in enumerate(TURNS, 1)}
 """What sets the rows of a file upright, by the orientation of TIFF and EXIF."""
-CLOCKWISE = {0: UPRIGHT[1], 90: UPRIGHT[6], 180: UPRIGHT[3], 270: UPRIGHT[8]}
-"""Turns by degrees."""
+CLOCKWISE = {0: UPRIGHT[1], 90: UPRIGHT[6], 180: UPRIGHT[3], 270: UPRIGHT[8]}  # Turns by degrees
 
 
 @dataclass

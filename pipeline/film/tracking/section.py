@@ -27,8 +27,7 @@ SURE_SHARE = 0.8
 AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
 WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
 MOST_TRACES = 6
-Last = list[tuple[float, Floats]]
-"""Row and state at which each trace was read last."""
+Last = list[tuple[float, Floats]]  # Row and state at which each trace was read last
 
 
 @dataclass(frozen=True)

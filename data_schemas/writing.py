@@ -54,11 +54,8 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         except FileError as error:
             raise FileError(f"{shown(path, 400)}: {error}") from None
         _flushed(temporary, image)
-        with open(temporary, "rb") as file:
-            for begin in range(0, len(image) + 1, _BLOCK):
-                if file.read(_BLOCK) != image[begin : begin + _BLOCK]:
-                    cause = "was not written, the disk gives other bytes back; check the disk"
-                    raise FileError(f"{shown(path, 400)}: {cause}")
+        if not _verified(temporary, image):
+            raise FileError(f"{shown(path, 400)}: was not written, the disk gives other bytes back; check the disk")
 
 
 def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
@@ -121,6 +118,12 @@ def _flushed(temporary: Path, image: memoryview) -> None:
         file.write(image)
         file.flush()
         os.fsync(file.fileno())
+
+
+def _verified(temporary: Path, image: memoryview) -> bool:
+    """Whether a file holds these bytes."""
+    with open(temporary, "rb") as file:
+        return all(file.read(_BLOCK) == image[at : at + _BLOCK] for at in range(0, len(image) + 1, _BLOCK))
 
 
 def give_name(temporary: Path, target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:

@@ -230,9 +230,10 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     axes.set_yticks(rows, labels)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
     axes.set(xlim=(-2.0 * largest, 2.0 * largest), ylim=(-0.6, len(methods) - 0.4))
-    # two decades either side: the labels of all of them would run into each other
-    decades = smallest * 10.0 ** np.array([0.0, np.floor(np.log10(largest / smallest))])
-    axes.set_xticks([*-decades[::-1], 0.0, *decades] if decades[1] > decades[0] else [-smallest, 0.0, smallest])
+    # few decades either side: the labels of all of them, and of the first beside zero, would run into each other
+    whole = int(np.log10(largest / smallest))
+    decades = smallest * 10.0 ** np.array([whole // 2, whole] if whole > 2 else [whole])
+    axes.set_xticks([*-decades[::-1], 0.0, *decades])
     axes.xaxis.set_major_formatter(lambda tick, _place: _minus(f"{tick:g}"))
     axes.minorticks_off()
     axes.grid(visible=False, axis="y")

@@ -21,7 +21,7 @@ from data_schemas.film_description import (
 )
 from data_schemas.variables import dataset
 from pipeline.film.parts import Floats, Marking
-from pipeline.importing.record import combine
+from pipeline.importing.record import combine, periods_by_label
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -147,14 +147,7 @@ class Known:
         """
         labels = list({label for trace in traces for label in trace.combination})
         labels.sort(key=lambda label: (not label.isdigit(), int(label) if label.isdigit() else 0, label))
-        named, periods = ", ".join(labels), dict(self.options.periods)
-        if "" in periods:
-            if len(labels) > 1:
-                raise UsageError(f"--period {periods['']:g}: there are pendulums {named}; write LABEL=SECONDS")
-            periods[labels[0]] = periods.pop("")
-        for label in periods:
-            if label not in labels:
-                raise UsageError(f"--period {label}=...: there is no pendulum '{label}'; pendulums: {named}")
+        periods = periods_by_label(self.options.periods, labels)
         described = {each.label: each for each in self.description.pendulums}
         found = [described.get(label, DescribedPendulum(label=label)) for label in labels]
         return tuple(

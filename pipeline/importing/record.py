@@ -224,17 +224,22 @@ def _natural(label: str) -> tuple[bool, int, str]:
     return not is_number, int(label) if is_number else 0, label
 
 
-def _periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
-    """Period of each pendulum in s; None if none was given nor is needed (a single trace does without)."""
-    given = {label: _constant("period", value) for label, value in options.periods.items()}
-    known = ", ".join(pendulums)
-    if "" in given:
+def periods_by_label(given: Mapping[str, float], pendulums: Sequence[str]) -> dict[str, float]:
+    """Periods of `--period`, s, by pendulum; `UsageError` for one of no pendulum, or of several without a label."""
+    known, periods = ", ".join(pendulums), dict(given)
+    if "" in periods:
         if len(pendulums) > 1:
-            raise UsageError(f"--period {given['']:g}: there are pendulums {known}; write LABEL=SECONDS for each")
-        given[pendulums[0]] = given.pop("")
-    for label in given:
+            raise UsageError(f"--period {periods['']:g}: there are pendulums {known}; write LABEL=SECONDS for each")
+        periods[pendulums[0]] = periods.pop("")
+    for label in periods:
         if label not in pendulums:
             raise UsageError(f"--period {label}=...: there is no pendulum '{label}'; pendulums: {known}")
+    return periods
+
+
+def _periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
+    """Period of each pendulum in s; None if none was given nor is needed (a single trace does without)."""
+    given = periods_by_label({label: _constant("period", value) for label, value in options.periods.items()}, pendulums)
     if not given and not needed:
         return None
     for label in pendulums:

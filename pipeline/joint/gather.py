@@ -34,6 +34,7 @@ COARSEST = 0.3  # of the swing's root mean square, a step to which readings are 
 HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
+MOST_STEPS = 30  # of a film's paper
 LASTING = 10.0  # s: errors of a film's times, where the noise of its marks is not stated
 LONGEST_GAP = 1.0  # s, of a heave that is interpolated
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
@@ -324,8 +325,14 @@ def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[fl
     stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs
     known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
     sigma = float(np.median(known)) if known.size else 0.0
-    steps = np.atleast_1d(np.asarray(film.get("paper_steps", ()), dtype=np.float64)) - lattice.start
-    return sigma, float(film.get("time_noise", sigma * np.sqrt(LASTING))), tuple(steps.tolist())
+    try:
+        noise = float(film.get("time_noise", sigma * np.sqrt(LASTING)))
+        steps = np.ravel(np.asarray(film.get("paper_steps", ()), dtype=np.float64)) - lattice.start
+    except (TypeError, ValueError):
+        noise, steps = np.nan, np.zeros(0)
+    if not 0.0 <= noise < np.inf or steps.size > MOST_STEPS:
+        raise RecordError("film: attributes time_noise and paper_steps are not those of a film; digitise it again")
+    return sigma, noise, tuple(steps[(steps > 0.0) & (steps < lattice.duration)].tolist())
 
 
 def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from test_apparatus import changed
 from test_method import in_sigmas, record
 
+from data_schemas.errors import RecordError
 from pipeline import process, summaries
 from pipeline.joint import kinds
 from pipeline.joint.clock import with_clock
@@ -85,3 +86,11 @@ def test_without_stated_times_no_errors_are_sought() -> None:
     made["record"] = xr.DataTree(made["record"].dataset.drop_vars("time_uncertainty"))
     fit = fitted(gather(made))[0]
     assert with_clock(fit) is fit
+
+
+@pytest.mark.parametrize(("name", "value"), [("time_noise", "much"), ("time_noise", -1.0), ("paper_steps", [1.0] * 99)])
+def test_film_attributes_that_cannot_be_meant_are_refused(name: str, value: object) -> None:
+    made, _ = with_wander(0.0)
+    made["film"].attrs[name] = value
+    with pytest.raises(RecordError, match="time_noise and paper_steps"):
+        gather(made)

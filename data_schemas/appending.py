@@ -18,11 +18,10 @@ import numpy as np
 
 from .checksum import ATTRIBUTE
 from .contents import Contents, Entry, Group, key, shown, type_name
-from .encoding import LIBRARY, lay_out, write_attributes
 from .errors import FileError
 from .reading import CHUNK_CACHE, skim
 from .shield import shielded
-from .writing import beside, give_name, may_write, place_of, reason
+from .writing import LIBRARY, beside, give_name, lay_out, may_write, place_of, reason, write_attributes
 
 _ALONG = "time"  # the dimension that grows
 
@@ -31,13 +30,12 @@ class Sink(io.FileIO):
     """A file of bytes; what goes wrong is kept in `fault`, and nothing is written after that.
 
     What could not be written is remembered and read back: HDF5 trusts what it reads, and crashes on what is not as it
-    wrote it. Memory for that is bounded by what is written until somebody asks for the fault.
+    wrote it. Memory for that is bounded by what is written until `check` is called.
     """
-
-    fault: BaseException | None = None
 
     def __init__(self, path: Any, mode: str) -> None:
         super().__init__(path, mode)
+        self.fault: BaseException | None = None
         self._lost: list[tuple[int, bytes]] = []
 
     def check(self) -> None:
@@ -47,13 +45,12 @@ class Sink(io.FileIO):
 
     def write(self, data: Any, /) -> int:
         """Write all bytes, at once or in parts."""
-        view = memoryview(data).cast("B")
-        at = self.tell()
+        view, at = memoryview(data).cast("B"), self.tell()
 
         def write_all() -> None:
-            left = view
-            while left:
-                left = left[super(Sink, self).write(left) :]
+            rest = view
+            while rest:
+                rest = rest[super(Sink, self).write(rest) :]
 
         self._kept(write_all)
         if self.fault is not None:
@@ -151,11 +148,10 @@ class Appended:
             for path, group in contents.items():
                 self._attrs[path] = group.attrs
                 for name, entry in group.variables.items():
-                    grows = _ALONG in entry.dims
+                    grows, text = _ALONG in entry.dims, type_name(entry.values) == "str"
                     if (first or grows) and entry.values.size:
-                        text = type_name(entry.values) == "str"
-                        stored = entry.values.astype(object) if text else entry.values
-                        self._arrays[key(path, name)][(..., slice(begin, self._done)) if grows else ...] = stored
+                        place = (..., slice(begin, self._done)) if grows else ...
+                        self._arrays[key(path, name)][place] = entry.values.astype(object) if text else entry.values
             if self._sink is not None:
                 self._sink.check()
 
@@ -198,17 +194,15 @@ class Appended:
 
     def _whole(self, first: Contents) -> Contents:
         """The content with its final shapes; values that grow take no memory."""
-
-        def entry(where: str, one: Entry) -> Entry:
-            if _ALONG in one.dims[:-1]:
-                raise FileError(f"{where}: grows along {_ALONG!r}; make that its last dimension")
-            shape = (*one.values.shape[:-1], self._length) if _ALONG in one.dims else one.values.shape
-            return Entry(one.dims, np.broadcast_to(np.zeros((), one.values.dtype), shape), one.attrs)
-
-        return {
-            path: Group({}, {name: entry(key(path, name), one) for name, one in group.variables.items()})
-            for path, group in first.items()
-        }
+        whole = {path: Group() for path in first}
+        for path, group in first.items():
+            for name, one in group.variables.items():
+                if _ALONG in one.dims[:-1]:
+                    raise FileError(f"{key(path, name)}: grows along {_ALONG!r}; make that its last dimension")
+                shape = (*one.values.shape[:-1], self._length) if _ALONG in one.dims else one.values.shape
+                values = np.broadcast_to(np.zeros((), one.values.dtype), shape)
+                whole[path].variables[name] = Entry(one.dims, values, one.attrs)
+        return whole
 
     def _verified(self) -> str:
         """The checksum of the file on the disk, every chunk compared with the checksum that it was written with."""
@@ -237,7 +231,5 @@ class Appended:
 
 def _samples(contents: Contents) -> int:
     """Length of a content along time, of the root's variables."""
-    lengths = (
-        one.values.shape[one.dims.index(_ALONG)] for one in contents[""].variables.values() if _ALONG in one.dims
-    )
-    return int(next(lengths))
+    growing = next(one for one in contents[""].variables.values() if _ALONG in one.dims)
+    return int(growing.values.shape[growing.dims.index(_ALONG)])

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 NUMBERS = frozenset({"i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"})
-
 _INSTEAD = {
     "c": "complex numbers do not travel: store amplitude and phase",
     "b": "truth values have no netCDF type: store 0 and 1 as uint8",
@@ -156,22 +155,16 @@ def from_tree(tree: xr.DataTree) -> Contents:
 
 
 def _entry(one: xr.Variable, where: str) -> Entry:
-    values, attrs = _dates_in_seconds(one)
+    """A variable; dates, as xarray decodes them, become seconds since the epoch that they were read from."""
+    values, attrs = one.values, one.attrs
+    if values.dtype.kind == "M":
+        known = values[~np.isnat(values)]
+        first = known.min() if known.size else np.datetime64(0, "s")
+        epoch = str(one.encoding.get("units", "")).partition(" since ")[2] or f"{first.astype('datetime64[s]')}Z"
+        begin = np.datetime64(epoch.strip().removesuffix("Z").removesuffix("+00:00"))
+        values = (values - begin) / np.timedelta64(1, "s")
+        attrs = {"units": f"seconds since {epoch}", "calendar": "standard", **attrs}
     return Entry(tuple(str(dim) for dim in one.dims), plain_values(values, where), _plain_attrs(attrs, where))
-
-
-def _dates_in_seconds(one: xr.Variable) -> tuple[NDArray[Any], Mapping[Any, Any]]:
-    """Values and attributes; dates, as xarray decodes them, become seconds since the epoch that they were read from."""
-    if one.values.dtype.kind != "M":
-        return one.values, one.attrs
-    known = one.values[~np.isnat(one.values)]
-    first = known.min() if known.size else np.datetime64(0, "s")
-    _, since, epoch = str(one.encoding.get("units", "")).partition(" since ")
-    if not since:
-        epoch = f"{first.astype('datetime64[s]')}Z"
-    begin = np.datetime64(epoch.strip().removesuffix("Z").removesuffix("+00:00"))
-    seconds = (one.values - begin) / np.timedelta64(1, "s")
-    return seconds, {"units": f"seconds since {epoch}", "calendar": "standard", **one.attrs}
 
 
 def _plain_attrs(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:
@@ -186,17 +179,14 @@ def to_tree(contents: Contents) -> xr.DataTree:
     import xarray as xr
 
     datasets = {}
-    for path, group in contents.items():
-        try:
+    where, remedy = "", "of one name equal"
+    try:
+        for path, group in contents.items():
+            where = f"{path or 'root'}: "
             variables = {name: (one.dims, one.values, one.attrs) for name, one in group.variables.items()}
             datasets["/" + path] = xr.Dataset(variables, attrs=group.attrs)
-        except ValueError as error:
-            raise FileError(f"{path or 'root'}: {_first_line(error)}; make dimensions of one name equal") from error
-    try:
+        where, remedy = "", "equal in length to the root's"
         return xr.DataTree.from_dict(datasets)
     except (ValueError, KeyError) as error:
-        raise FileError(f"{_first_line(error)}; make dimensions equal in length to the root's") from error
-
-
-def _first_line(error: Exception) -> str:
-    return shown(" ".join(str(error).split()), 160)
+        told = shown(" ".join(str(error).split()), 160)
+        raise FileError(f"{where}{told}; make dimensions {remedy}") from error

@@ -17,7 +17,7 @@ from pydantic import Field, ValidationError, create_model, model_validator
 from data_schemas.errors import FileError, RecordError
 from data_schemas.scene_fields import Name, Number, Section, Text, check_distinct, check_known, one_line, quantity
 from data_schemas.text_files import load_toml
-from data_schemas.variables_record import INSTRUMENT
+from data_schemas.variables import rows_of
 
 KIND = "film-description"
 Kind = TypeVar("Kind", bound=Section)
@@ -27,13 +27,13 @@ _LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, 
 
 def _of_instrument(*dims: str, also: tuple[str, ...] | None = None) -> list[str]:
     """Names of the instrument's numbers of some dimensions; with `also`, those that may have other dimensions too."""
-    rows = INSTRUMENT.items()
-    return [n for n, row in rows if row.dims == dims and row.dtype == "f8" and (also is None or also in row.also)]
+    rows = ((name, row) for name, row in rows_of("instrument").items() if row.dims == dims and row.dtype == "f8")
+    return [name for name, row in rows if also is None or also in row.also]
 
 
 def _field(name: str, *, each: bool = False, required: bool = False) -> Any:
     """Field for a variable of the instrument, or for `each` pendulum's by label."""
-    row = INSTRUMENT[name]
+    row = rows_of("instrument")[name]
     limits = dict[str, Any](_LIMITS[row.limit])
     kind: Any = dict[str, Annotated[float, Field(strict=True, **limits)]] if each else Number
     meaning = f"{row.long_name}, of each pendulum by label" if each else row.long_name

@@ -82,14 +82,10 @@ class Mark(_At):
         if self.time is None:
             return None
         begin = datetime.fromisoformat(start).replace(tzinfo=None)
+        dated = any(mark in self.time[1:] for mark in "T ")
         try:
-            moment = datetime.fromisoformat(self.time).replace(tzinfo=None)
-        except ValueError:
-            pass
-        else:
-            if "T" in self.time or " " in self.time:
-                return (moment - begin).total_seconds()
-        try:
+            if dated:
+                return (datetime.fromisoformat(self.time).replace(tzinfo=None) - begin).total_seconds()
             clock = time.fromisoformat(self.time).replace(tzinfo=None)
         except ValueError:
             raise ValueError(f"the time {self.time!r} is no time; write it as '12:03:00'") from None

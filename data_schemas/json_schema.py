@@ -7,23 +7,19 @@ header cannot show (values, lengths, labels) is the business of `check`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
 
-from .checking_record import WORDS
+from .checking import WORDS
 from .errors import UsageError
 from .layouts import LAYOUTS, Kind
 from .variables import Variable, rows_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_ATTRIBUTE = {
-    "oneOf": [
-        {"type": ["string", "number", "null"]},
-        {"type": "array", "items": {"type": ["string", "number", "null"]}},
-    ]
-}
+_VALUE = {"type": ["string", "number", "null"]}
+_ATTRIBUTE = {"oneOf": [_VALUE, {"type": "array", "items": _VALUE}]}
 
 
 def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth", "summary"]) -> dict[str, Any]:
@@ -57,8 +53,12 @@ def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth"
     raise UsageError(f"schema {name!r} is not known; give scene, {', '.join(LAYOUTS)}")
 
 
-def _object(properties: dict[str, Any], required: Iterable[str] = (), **more: Any) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "required": list(required), **more}
+def _object(properties: dict[str, Any], required: list[str], **more: Any) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": required, **more}
+
+
+def _required(known: Mapping[str, bool]) -> list[str]:
+    return [name for name, required in known.items() if required]
 
 
 def _file_schema(kind: Kind) -> dict[str, Any]:
@@ -66,15 +66,11 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
     attributes: dict[str, Any] = {name: {} for name in layout.attrs}
     attributes |= {name: {"type": "string", "contentMediaType": "application/json"} for name in layout.json_attrs}
     attributes |= {"schema": {"const": layout.schema}, "schema_version": {"const": layout.version}}
-    needed = (name for name, required in layout.attrs.items() if required)
-    groups = _object(
-        {path: _group_schema(path) for path in layout.groups},
-        (path for path, required in layout.groups.items() if required),
-    )
+    groups = _object({path: _group_schema(path) for path in layout.groups}, _required(layout.groups))
     if layout.one_of:
         groups["anyOf"] = [{"required": [path]} for path in layout.one_of]
     parts = {
-        "attributes": _object(attributes, needed, additionalProperties=_ATTRIBUTE),
+        "attributes": _object(attributes, _required(layout.attrs), additionalProperties=_ATTRIBUTE),
         "variables": _variables_schema(layout.root),
         "groups": groups,
     }
@@ -82,7 +78,7 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
         "$schema": DIALECT,
         "title": layout.schema,
         "description": f"Header of a netCDF-4 file of kind {kind}: attributes, variables and groups.",
-        **_object(parts, parts),
+        **_object(parts, list(parts)),
     }
 
 
@@ -90,23 +86,19 @@ def _group_schema(path: str) -> dict[str, Any]:
     words = {
         name: {"enum": list(words), "default": words[0]} for (group, name), words in WORDS.items() if group == path
     }
-    attributes = _object(words, additionalProperties=_ATTRIBUTE)
+    attributes = _object(words, [], additionalProperties=_ATTRIBUTE)
     return _object({"attributes": attributes, "variables": _variables_schema(path)}, ["variables"])
 
 
 def _variables_schema(path: str) -> dict[str, Any]:
     rows = rows_of(path)
-    return _object(
-        {name: _variable_schema(row) for name, row in rows.items()},
-        (name for name, row in rows.items() if row.required),
-    )
+    schemas = {name: _variable_schema(row) for name, row in rows.items()}
+    return _object(schemas, _required({name: row.required for name, row in rows.items()}))
 
 
 def _variable_schema(row: Variable) -> dict[str, Any]:
     # an equivalent spelling of a unit is accepted too, so the unit is described and not demanded
-    attributes: dict[str, Any] = {
-        "units": {"type": ["string", "number"], "default": row.units, "examples": [row.units]}
-    }
+    attributes: dict[str, Any] = {"units": {"type": ["string", "number"], "default": row.units}}
     if row.standard_name is not None:
         attributes["standard_name"] = {"const": row.standard_name}
     attributes |= {

@@ -42,7 +42,7 @@ def _known(required: str = "", optional: str = "") -> dict[str, bool]:
 _COMMON = _known("schema schema_version record_id", "Conventions title history source")
 
 LAYOUTS: Mapping[Kind, Layout] = {
-    # the instrument may be absent only from a record with a single trace: checking_record says so
+    # the instrument may be absent only from a record with a single trace: checking says so
     "record": Layout("isochrony-record", _known("record", "instrument film"), _COMMON),
     "truth": Layout("isochrony-truth", _known("truth"), _COMMON | _known("scene seed"), json_attrs=("scene",)),
     "result": Layout(

@@ -1,4 +1,9 @@
-"""Reads a file into memory, or its shapes and checksum alone: looked over first, read by HDF5, verified."""
+"""Reads a file into memory, or its shapes and checksum alone: looked over first, read by HDF5, verified.
+
+netCDF-4 keeps names of dimensions as references from each array to *dimension scales*: arrays that bear the dimension's
+name, whether they hold coordinates or are mere placeholders. Files of plain HDF5 have none; then the table of
+variables gives the names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +17,28 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from h5py import h5d, h5s
+from h5py import h5a, h5d, h5r, h5s, h5t
 
+from .adopting import current, unpacked
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
-from .dimensions import named
 from .errors import FileError
-from .guard import Attribute, Budget, Found, Survey, full_chunks, is_text, ordinary, survey
-from .heaps import Heaps, sound_heaps, text_bytes
+from .guard import (
+    Attribute,
+    Budget,
+    Found,
+    Heaps,
+    Survey,
+    full_chunks,
+    is_text,
+    ordinary,
+    sound_heaps,
+    survey,
+    text_bytes,
+)
 from .layouts import REWRITTEN
-from .upgrading import current, unpacked
+from .variables import VARIABLES
+from .writing import NOT_COORDINATE, PLACEHOLDER
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,15 +52,19 @@ _RESERVE = 1 << 23
 """Bytes that must be free when a file is opened: where HDF5 finds none for its own it ends the process."""
 
 Place = tuple[int | slice, ...]
+Path = str | os.PathLike[str]
 Declared = Callable[[int], object]
 NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
 """Reads an array of numbers, given with its ``group/name``."""
+
+_REFERENCES = h5t.vlen_create(h5t.STD_REF_OBJ).encode()  # HDF5 also takes kinds of list that do not exist
+_LISTS = h5py.vlen_dtype(h5py.ref_dtype)
 
 # what h5py raises on a damaged file, by the place where it stumbles
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError, zlib.error)
 
 
-def read(path: str | os.PathLike[str], *, declared: Declared | None = None) -> xr.DataTree:
+def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
     """Read a record, truth or result.
 
     Parameters
@@ -74,7 +95,7 @@ def read(path: str | os.PathLike[str], *, declared: Declared | None = None) -> x
 
 
 @np.errstate(all="ignore")  # what becomes infinite is a fault of values, which the check reports
-def load(path: str | os.PathLike[str], budget: Budget | None = None, *, declared: Declared | None = None) -> Contents:
+def load(path: Path, budget: Budget | None = None, *, declared: Declared | None = None) -> Contents:
     """The plain content of a file, looked over and verified; what `read` and `validate` share; raises as `read`."""
     with _opened(path, budget or Budget(), _numbers, declared) as contents:
         pass
@@ -92,7 +113,7 @@ def load(path: str | os.PathLike[str], budget: Budget | None = None, *, declared
         raise FileError(f"{shown(path, 400)}: {error}") from None
 
 
-def _as_written(path: str | os.PathLike[str], contents: Contents) -> bool:
+def _as_written(path: Path, contents: Contents) -> bool:
     """Whether a file is as `write` makes them: checksums on all arrays of numbers, and no fill values.
 
     xarray's `to_netcdf` carries checksums over from a file that has them, but gives every array of floats a fill value.
@@ -110,7 +131,7 @@ def _as_written(path: str | os.PathLike[str], contents: Contents) -> bool:
     return all(found)
 
 
-def skim(path: str | os.PathLike[str]) -> tuple[Contents, str]:
+def skim(path: Path) -> tuple[Contents, str]:
     """Look a file over and sum it up in bounded memory: its content and the checksum of what is stored.
 
     The content lacks ``content_sha256``; of arrays of numbers it has shape and type only, their values are worth
@@ -155,9 +176,7 @@ def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[Place]:
 
 
 @contextlib.contextmanager
-def _opened(
-    path: str | os.PathLike[str], budget: Budget, numbers: NumbersReader, declared: Declared | None = None
-) -> Iterator[Contents]:
+def _opened(path: Path, budget: Budget, numbers: NumbersReader, declared: Declared | None = None) -> Iterator[Contents]:
     """The content as stored, of a file that passed the survey and stays open; `numbers` reads its arrays of numbers."""
     size = ordinary(path)
     try:
@@ -193,24 +212,22 @@ def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
 class _Reader:
     """Reads everything that passed the survey."""
 
-    def __init__(self, path: str | os.PathLike[str], found: Survey, heaps: Heaps, numbers: NumbersReader) -> None:
+    def __init__(self, path: Path, found: Survey, heaps: Heaps, numbers: NumbersReader) -> None:
         self._path, self._found, self._heaps, self._numbers = path, found, heaps, numbers
 
     def contents(self) -> Contents:
         groups = self._found.groups
         contents = {group.path: Group(self._attributes(group, group.path or "root")) for group in groups}
-        for one in named(self._found):
-            where = key(one.array.path, one.name)
-            variables = contents[one.array.path].variables
-            if one.name in variables:
+        for one, name, dims in _named(self._found):
+            where, array, variables = key(one.path, name), one.id, contents[one.path].variables
+            if name in variables:
                 raise FileError(f"{where}: is there twice; keep one")
-            array = one.array.id
             try:
                 full_chunks(array)
                 values = (self._text if is_text(array.get_type()) else self._numbers)(array, where)
             except _DAMAGE as error:
                 raise FileError(f"{where}: {_cause(error, 'its values are damaged ({}); restore the file')}") from error
-            variables[one.name] = Entry(one.dims, values, self._attributes(one.array, where))
+            variables[name] = Entry(dims, values, self._attributes(one, where))
         return contents
 
     def _text(self, array: h5d.DatasetID, where: str) -> NDArray[Any]:
@@ -257,3 +274,60 @@ def _decoded(raw: bytes | str, where: str) -> str:
         return raw if isinstance(raw, str) else raw.decode("utf-8")
     except UnicodeDecodeError:
         raise FileError(f"{where}: its text is not UTF-8; write it again as UTF-8") from None
+
+
+def _named(survey: Survey) -> Iterator[tuple[Found, str, tuple[str, ...]]]:
+    """Every array that is a variable (placeholders are not), its name, and those of its dimensions."""
+    scales = {one.address: one for one in survey.arrays if _fixed_text(one, b"CLASS") == b"DIMENSION_SCALE"}
+    phony: dict[tuple[str, int, int], str] = {}
+    for one in survey.arrays:
+        scale = one.address in scales
+        if scale and _fixed_text(one, b"NAME").startswith(PLACEHOLDER.encode()):
+            continue
+        name, rank = one.name.removeprefix(NOT_COORDINATE), len(one.id.shape)
+        dims = (name,) if scale and rank == 1 else _attached(one, rank, scales)
+        yield one, name, dims or _by_position(one, name, rank, phony)
+
+
+def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...] | None:
+    """Names of the scales that the array refers to; None unless each dimension has one of the file's own."""
+    if rank == 0 or not h5a.exists(one.id, b"DIMENSION_LIST"):
+        return None
+    attribute = h5a.open(one.id, b"DIMENSION_LIST")
+    if attribute.get_space().shape != (rank,) or attribute.get_type().encode() != _REFERENCES:
+        return None
+    references = np.empty(rank, dtype=_LISTS)
+    attribute.read(references)
+    names = []
+    for dimension, listed in enumerate(references):
+        if not len(listed) or not listed[0]:
+            return None
+        scale = scales.get(h5py.h5o.get_info(h5r.dereference(listed[0], one.id)).addr)
+        if scale is None or scale.id.shape != (one.id.shape[dimension],):
+            return None
+        names.append(scale.name)
+    return tuple(names) if len(set(names)) == rank else None
+
+
+def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int, int], str]) -> tuple[str, ...]:
+    row = VARIABLES.get(key(one.path, name))
+    if row is not None:
+        for dims in (row.dims, *row.also):
+            if len(dims) == rank:
+                return dims
+    places = [(one.path, length, one.id.shape[:axis].count(length)) for axis, length in enumerate(one.id.shape)]
+    return tuple(phony.setdefault(place, f"phony_dim_{len(phony)}") for place in places)
+
+
+def _fixed_text(one: Found, name: bytes) -> bytes:
+    """A short bookkeeping text of fixed length; empty if there is none."""
+    if not h5a.exists(one.id, name):
+        return b""
+    attribute = h5a.open(one.id, name)
+    kind = attribute.get_type()
+    scalar = attribute.get_space().get_simple_extent_type() == h5s.SCALAR
+    if not scalar or kind.get_class() != h5t.STRING or kind.is_variable_str() or kind.get_size() > 256:
+        return b""
+    text = np.empty((), dtype=f"S{kind.get_size()}")
+    attribute.read(text)
+    return bytes(text[()])

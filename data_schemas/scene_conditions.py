@@ -182,10 +182,8 @@ def check_physics(scene: Scene) -> None:
     for each in scene.pendulums:
         own = frequency(scene, each)
         if isinstance(each.start, FreeStart) and each.damping_rate >= own:
-            raise ValueError(
-                f"pendulums: {each.label!r} with damping_rate = {each.damping_rate:g} 1/s creeps and has no free"
-                f" harmonic (its frequency is {own:g} rad/s); start it with kind = 'state'"
-            )
+            told = f"pendulums: {each.label!r} with damping_rate = {each.damping_rate:g} 1/s creeps and has no free"
+            raise ValueError(f"{told} harmonic (its frequency is {own:g} rad/s); start it with kind = 'state'")
     _check_support(scene)
 
 
@@ -204,10 +202,8 @@ def _check_conditions(scene: Scene) -> None:
             raise ValueError("conditions.temperature_amplitude acts on real pendulums only; set restoring = 'sine'")
         shares = [each.temperature_coefficient / period(scene, each) for each in scene.pendulums]
         if max(shares) - min(shares) > _ONE_METAL * max(abs(share) for share in shares):
-            raise ValueError(
-                "conditions.temperature_amplitude needs pendulums of one metal; give temperature coefficients in"
-                " proportion to the periods"
-            )
+            told = "conditions.temperature_amplitude needs pendulums of one metal"
+            raise ValueError(f"{told}; give temperature coefficients in proportion to the periods")
 
 
 def _check_changes(scene: Scene) -> None:
@@ -223,15 +219,11 @@ def _check_changes(scene: Scene) -> None:
             )
     if scene.restoring == "linear" and scene.case is not None and scene.case.roll is not None:
         raise ValueError("case.roll acts on real pendulums only; set restoring = 'sine'")
-    largest = 0.0
-    if isinstance(course, LinearCourse):
-        largest = abs(course.rate) * scene.duration
-    elif isinstance(course, SineCourse):
-        largest = abs(course.amplitude)
+    sine = abs(course.amplitude) if isinstance(course, SineCourse) else 0.0
+    largest = abs(course.rate) * scene.duration if isinstance(course, LinearCourse) else sine
     if largest > LARGEST_CHANGE * scene.gravity:
-        raise ValueError(
-            f"gravity_course changes gravity by {largest:.3g} m/s^2, above {LARGEST_CHANGE:g} of it; make it smaller"
-        )
+        told = f"gravity_course changes gravity by {largest:.3g} m/s^2, above {LARGEST_CHANGE:g} of it"
+        raise ValueError(f"{told}; make it smaller")
 
 
 def _check_support(scene: Scene) -> None:
@@ -263,13 +255,10 @@ def _check_reduced(scene: Scene) -> None:
 
 
 def _check_board(scene: Scene, board: BoardSupport) -> None:
-    if board.coupling * len(scene.pendulums) >= 1:
-        raise ValueError(
-            f"support: a coupling of {board.coupling:g} makes {len(scene.pendulums)} metronomes outweigh the whole;"
-            f" make it smaller than {1 / len(scene.pendulums):g}"
-        )
+    count = len(scene.pendulums)
+    if board.coupling * count >= 1:
+        told = f"support: a coupling of {board.coupling:g} makes {count} metronomes outweigh the whole"
+        raise ValueError(f"{told}; make it smaller than {1 / count:g}")
     if any(term.axis == "horizontal" and term.kind != "still" for term in scene.motion):
-        raise ValueError(
-            "support: a board that rolls freely stays behind when the ship moves sideways; remove the horizontal"
-            " motion, or choose the kind 'frame'"
-        )
+        told = "support: a board that rolls freely stays behind when the ship moves sideways"
+        raise ValueError(f"{told}; remove the horizontal motion, or choose the kind 'frame'")

@@ -15,12 +15,8 @@ Numbers = tuple[Number, ...]
 Axis = Literal["horizontal", "transverse", "vertical"]
 
 
-def axis() -> Any:
-    """Field for the direction of an acceleration."""
-    return quantity("horizontal", "", "'horizontal' in the swing plane, 'transverse' to it, or 'vertical', positive up")
-
-
-Column = Annotated[int, Field(strict=True, ge=1)] | Annotated[str, Field(strict=True, min_length=1)]
+_AXIS: Any = quantity("horizontal", "", "'horizontal' in the swing plane, 'transverse' to it, or 'vertical', up")
+Column = Annotated[Count, Field(ge=1)] | Name
 
 
 class Still(Section):
@@ -64,7 +60,7 @@ class HarmonicMotion(Harmonics):
 
     kind: Literal["harmonics"] = quantity("harmonics", "", "a sum of harmonics of the acceleration")
     amplitude: Numbers = quantity(..., "m s-2", "amplitude of each harmonic of x''", min_length=1)
-    axis: Axis = axis()
+    axis: Axis = _AXIS
 
 
 class NearResonantMotion(Section):
@@ -109,7 +105,7 @@ class SeaMotion(Section):
     cutoff: Number = quantity(3.0, "1", "highest frequency over the peak's; sets the rms acceleration", gt=0.6, le=40)
     components: Count = quantity(64, "1", "number of harmonics that make up the sea", ge=1, le=100_000)
     seed: Seed | None = quantity(None, "1", "left out: derived from the scene's")
-    axis: Axis = axis()
+    axis: Axis = _AXIS
 
 
 class Table(Section):
@@ -145,7 +141,7 @@ class TabulatedMotion(Table):
     """An acceleration that was recorded: a column of a CSV or netCDF file."""
 
     kind: Literal["tabulated"] = quantity("tabulated", "", "a recorded series of accelerations")
-    axis: Axis = axis()
+    axis: Axis = _AXIS
 
 
 Motion = Annotated[

@@ -73,20 +73,21 @@ def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyErro
 
     path = Path(path)
     remedy = f"give the path of {what} in TOML"
+    ordinary_size(path, MOST_TOML, remedy, error)
     try:
-        ordinary_size(path, MOST_TOML, remedy, error)
         raw = path.read_bytes()
-        if _LONG_KEY.search(raw):  # each part is looked up from the first on
-            raise error(f"{path}: is not TOML of {what}: a key of more than {MOST_PARTS} parts; {remedy}")
-        return tomllib.loads(raw.decode("utf-8"))
+        if not _LONG_KEY.search(raw):  # each part is looked up from the first on
+            return tomllib.loads(raw.decode("utf-8"))
+        fault = f"is not TOML of {what}: a key of more than {MOST_PARTS} parts; {remedy}"
     except OSError as failure:
-        raise error(f"{path}: cannot be read ({failure.strerror}); {remedy}") from None
+        fault = f"cannot be read ({failure.strerror}); {remedy}"
     except UnicodeDecodeError:
-        raise error(f"{path}: is not text in UTF-8; {remedy}") from None
+        fault = f"is not text in UTF-8; {remedy}"
     except RecursionError:
-        raise error(f"{path}: is not TOML of {what}: nested too deeply; {remedy}") from None
-    except ValueError as failure:  # of TOML, a number too long to be one, or a path that cannot be
-        raise error(f"{path}: is not TOML: {' '.join(str(failure).split())}") from None
+        fault = f"is not TOML of {what}: nested too deeply; {remedy}"
+    except ValueError as failure:  # of TOML, or a number too long to be one
+        fault = f"is not TOML: {' '.join(str(failure).split())}"
+    raise error(f"{path}: {fault}")
 
 
 def toml_text(content: Mapping[str, Any]) -> str:

@@ -5,12 +5,10 @@ A quantity X of the instrument may have its standard deviation beside it as X_un
 
 from __future__ import annotations
 
-from dataclasses import replace
+FLAGS = "gap saturated interpolated time_mark ambiguous lost overlap single_direction outlier"
+ELONGATION_FLAGS = {flag: 1 << bit for bit, flag in enumerate(FLAGS.split())}
 
-from .variable import ELONGATION_FLAGS as ELONGATION_FLAGS
-from .variable import Variable, tables
-
-GROUPS = tables("""
+TABLE = """
 [record]
 trace(trace) text [required]: label of the recorded trace
 pendulum(pendulum) text [required]: label of the pendulum
@@ -74,15 +72,4 @@ gap() s [nonnegative]: length of the gap that a time mark leaves in the traces
 scale() mm px-1 [positive]: size of a pixel of the scan on the film
 source_file() text: name of the scanned image
 source_sha256() text: SHA-256 of the scanned image
-""")
-
-
-def _uncertainty(row: Variable) -> Variable:
-    """Standard deviation of a constant; one a variable of time has a single one."""
-    units, also = row.units.partition("_")[0], tuple(dims for dims in row.also if dims != ("time",))
-    meaning = f"standard deviation of the {row.long_name}"
-    return replace(row, units=units, also=also, long_name=meaning, limit="not negative", standard_name=None)
-
-
-INSTRUMENT = GROUPS["instrument"]
-INSTRUMENT |= {f"{name}_uncertainty": _uncertainty(row) for name, row in INSTRUMENT.items() if row.dtype == "f8"}
+"""

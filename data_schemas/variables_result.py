@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from .variable import tables
-
-GROUPS = tables("""
+TABLE = """
 [phases]
 component(component) text [required]: pendulum, or difference of two pendulums
 amplitude(component, time) rad [required, missing]: amplitude of the near-resonant harmonic
@@ -140,6 +138,4 @@ difference_frequency_rad_s(row) rad s-1 [required, missing]: mean phase speed of
 period_s(row) s [required, missing]: full period at infinitesimal arc
 period_sigma_s(row) s [required, missing]: standard deviation of the period
 samples_used(row) 1 [required, missing]: samples that were used
-""")
-
-SUMMARY = GROUPS["summary"]
+"""

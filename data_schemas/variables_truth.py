@@ -6,9 +6,7 @@ has its centre line at i + 0.5, and is sample i of the file's time.
 
 from __future__ import annotations
 
-from .variable import tables
-
-GROUPS = tables("""
+TABLE = """
 [truth]
 pendulum(pendulum) text [required]: label of the pendulum
 gravity() m s-2 [required, positive]: gravity, the mean of gravity_course
@@ -43,4 +41,4 @@ mark_row(mark) 1 [required]: its row at column 0 of a trace without offset, px
 minute(mark) u1 [required]: 1 for the second gap of a full minute
 missing(mark) u1 [required]: 1 where the shutter stayed open
 spurious(mark) u1 [required]: 1 for a gap that is no mark
-""")
+"""

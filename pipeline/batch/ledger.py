@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Self, get_args
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
-from data_schemas.variables_result import SUMMARY
+from data_schemas.variables import rows_of
 from data_schemas.writing import reason, sync_folder
 from pipeline.batch.config import Config, Outcome, Status
 
@@ -27,7 +27,7 @@ NAME = "ledger.jsonl"
 _CRC = ', "crc32": "'
 _FIRST = b'{"versions": "'  # How a ledger begins
 _MAY = ("error_class", "error", "input_sha256", "output_sha256")
-_CELLS = {name: float | int | None if column.dtype == "f8" else str | None for name, column in SUMMARY.items()}
+_CELLS = {name: float | int | None if row.dtype == "f8" else str | None for name, row in rows_of("summary").items()}
 MOST_LINE = 1 << 20  # bytes
 
 

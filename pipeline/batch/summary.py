@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.variables import attributes
-from data_schemas.variables_result import SUMMARY
+from data_schemas.variables import attributes, rows_of
 from data_schemas.writing import write, write_text
 from pipeline.batch.config import Config, owner_of
 from pipeline.batch.ledger import Index
@@ -24,7 +23,8 @@ NAMES = ("summary.csv", "summary.nc")
 MOST_NAMED = 10_000
 """Rows up to which names and reasons are there as text; beyond, they are in the CSV, in the same order."""
 
-TEXTS, CODED, NUMBERS = ([name for name, row in SUMMARY.items() if row.dtype == kind] for kind in ("str", "u1", "f8"))
+_ROWS = rows_of("summary")
+TEXTS, CODED, NUMBERS = ([name for name, row in _ROWS.items() if row.dtype == kind] for kind in ("str", "u1", "f8"))
 
 
 def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Path) -> list[Path]:

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_schemas import content_sha256, encoding, heaps, read, validate, write, writing
+from data_schemas import content_sha256, guard, read, validate, write, writing
 from data_schemas.appending import Appended, Sink
 from data_schemas.contents import Contents, Entry, Group, from_tree
 from data_schemas.errors import FileError
@@ -45,7 +45,7 @@ def append(tree, path: Path, edges: list[int], **options) -> None:
 @pytest.mark.parametrize("edges", [[40], [1, 40], [13, 26, 40], [8, 16, 17, 40]])
 @pytest.mark.parametrize("chunk", [8, 1 << 16])
 def test_portions_make_the_same_file(tmp_path, example, monkeypatch, kind, edges, chunk):
-    monkeypatch.setattr(encoding, "CHUNK", chunk)
+    monkeypatch.setattr(writing, "CHUNK", chunk)
     tree = example(kind)
     append(tree, tmp_path / "portions.nc", edges)
     write(tree, tmp_path / "whole.nc")
@@ -216,10 +216,10 @@ def test_slabs_cover_an_array_in_order(shape, most):
 @pytest.mark.parametrize("window", [1, 8, 9, 16, 17, 64, 4096])
 def test_heaps_are_found_wherever_windows_end(tmp_path, record, monkeypatch, window):
     write(record, tmp_path / "file.nc")
-    whole = heaps.sound_heaps(tmp_path / "file.nc")
+    whole = guard.sound_heaps(tmp_path / "file.nc")
     assert whole
-    monkeypatch.setattr(heaps, "_WINDOW", window)
-    assert heaps.sound_heaps(tmp_path / "file.nc") == whole
+    monkeypatch.setattr(guard, "_WINDOW", window)
+    assert guard.sound_heaps(tmp_path / "file.nc") == whole
 
 
 def test_a_file_that_never_began_is_closed(tmp_path):

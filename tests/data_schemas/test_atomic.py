@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from data_schemas import encoding, read, write, writing
+from data_schemas import read, write, writing
 from data_schemas.errors import FileError
 
 
@@ -127,9 +127,9 @@ def test_a_library_that_writes_something_else_is_found_out(tmp_path, record, mon
         def write(self, memory, file, values):
             self._array.write(memory, file, np.nextafter(values, np.inf) if values.dtype.kind == "f" else values)
 
-    lay_out = encoding.lay_out
+    lay_out = writing.lay_out
     monkeypatch.setattr(
-        encoding,
+        writing,
         "lay_out",
         lambda *given: {name: SimpleNamespace(id=Wrong(each.id)) for name, each in lay_out(*given).items()},
     )

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_schemas import heaps, text_files
+from data_schemas import guard, text_files
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget, ordinary
 from data_schemas.reading import load
@@ -152,7 +152,7 @@ def test_limits_are_as_announced() -> None:
         "links": 512,
         "arrays": 1024,
     }
-    of_text = [heaps.MOST_BYTES, heaps.MOST_OBJECTS, heaps.MOST_POINTERS]
+    of_text = [guard.MOST_BYTES, guard.MOST_OBJECTS, guard.MOST_POINTERS]
     assert of_text == [64 * mebibyte, mebibyte // 2, mebibyte]
     of_files = [MOST_BYTES, MOST_TEXT, MOST_LINE, text_files.MOST_TOML, text_files.MOST_PARTS]
     assert of_files == [32 * 1024 * mebibyte, 256 * mebibyte, mebibyte // 16, 16 * mebibyte, 100]

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from data_schemas.contents import Contents, Entry, Group
-from data_schemas.encoding import CHUNK, _modest, chunk_shape, encoded
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget, survey
-from data_schemas.writing import beside
+from data_schemas.writing import CHUNK, _modest, beside, chunk_shape, encoded
 
 
 @pytest.mark.parametrize(

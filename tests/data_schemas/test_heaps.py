@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from data_schemas import heaps
+from data_schemas import guard
 from data_schemas.errors import FileError
 
 SIZE = 4096  # the least that a collection has
@@ -27,9 +27,9 @@ def collection(*lengths: int, size: int = SIZE, rest: int | None = None) -> byte
     return made + struct.pack("<HHIQ", 0, 0, 0, left if rest is None else rest) + bytes(left - 16)
 
 
-def found(tmp_path: Path, data: bytes) -> heaps.Heaps:
+def found(tmp_path: Path, data: bytes) -> guard.Heaps:
     (tmp_path / "file").write_bytes(data)
-    return heaps.sound_heaps(tmp_path / "file")
+    return guard.sound_heaps(tmp_path / "file")
 
 
 @pytest.mark.parametrize(("limit", "window"), [(0, 17), (1, 64), (2, 1000), (3, SIZE + 5)])
@@ -40,7 +40,7 @@ def test_windows_of_any_size_find_the_same(tmp_path, monkeypatch, limit: int, wi
     for gap in range(limit, 40, 3):
         starts.append(len(data) + gap)
         data += bytes(gap) + collection(gap, 8) + short
-    monkeypatch.setattr(heaps, "_WINDOW", window)
+    monkeypatch.setattr(guard, "_WINDOW", window)
     assert found(tmp_path, data) == {
         start: {1: gap, 2: 8} for start, gap in zip(starts, range(limit, 40, 3), strict=True)
     }
@@ -81,9 +81,9 @@ def test_all_collections_are_bounded_together(tmp_path, monkeypatch) -> None:
     data = collection(8, 8) + bytes(100) + collection(8, size=SIZE + 8)
     for limit, need in (("MOST_BYTES", 2 * SIZE + 8), ("MOST_OBJECTS", 3)):
         with monkeypatch.context() as patch:
-            patch.setattr(heaps, limit, need)
+            patch.setattr(guard, limit, need)
             assert len(found(tmp_path, data)) == 2
-            patch.setattr(heaps, limit, need - 1)
+            patch.setattr(guard, limit, need - 1)
             with pytest.raises(FileError, match=f"file: more than {need - 1} "):
                 found(tmp_path, data)
 
@@ -92,7 +92,7 @@ def test_pointers_claim_what_is_there_at_most() -> None:
     known = {100: {1: 5, 2: 0}, 4200: {1: 7}}
 
     def pointed(*pointers: tuple[int, int, int], rest: bytes = b"") -> int:
-        return heaps._pointed(np.array(list(pointers), dtype=heaps._POINTER).tobytes() + rest, known, "a")
+        return guard._pointed(np.array(list(pointers), dtype=guard._POINTER).tobytes() + rest, known, "a")
 
     assert pointed((5, 100, 1), (3, 4200, 1), (0, 100, 2), (0, 9, 9)) == 8
     assert pointed((7, 4200, 1), rest=b"\xff" * 15) == 7

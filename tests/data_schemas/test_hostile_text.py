@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from data_schemas import heaps, read, write
+from data_schemas import guard, read, write
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget
 from data_schemas.reading import load
@@ -115,7 +115,7 @@ def test_marks_that_the_library_refuses_itself_are_passed_over(tmp_path, record)
     with h5py.File(path, "w") as file:
         file["values"] = values
         file["text"] = ["label"]
-    assert len(heaps.sound_heaps(path)) == 1
+    assert len(guard.sound_heaps(path)) == 1
     assert np.array_equal(read(path)["values"], values)
     raw = bytearray(path.read_bytes())
     start = raw.rfind(b"GCOL")
@@ -132,23 +132,23 @@ def test_text_storage_is_bounded(limit, most, tmp_path, monkeypatch):
     path = tmp_path / "file.nc"
     with h5py.File(path, "w") as file:
         file["texts"] = ["x" * 3000] * 3
-    assert heaps.sound_heaps(path)
-    monkeypatch.setattr(heaps, limit, most)
+    assert guard.sound_heaps(path)
+    monkeypatch.setattr(guard, limit, most)
     with pytest.raises(FileError, match=f"more than {most} "):
-        heaps.sound_heaps(path)
+        guard.sound_heaps(path)
 
 
 def test_a_file_that_is_cut_while_it_is_looked_over_is_damaged(tmp_path, record, monkeypatch):
     """It ended the process with SIGBUS."""
     path = tmp_path / "file.nc"
     write(record, path)
-    seen = heaps._starts
+    seen = guard._starts
 
     def cutting(descriptor):
         for start in seen(descriptor):
             os.truncate(path, start + 20)
             yield start
 
-    monkeypatch.setattr(heaps, "_starts", cutting)
+    monkeypatch.setattr(guard, "_starts", cutting)
     with pytest.raises(FileError, match="text storage is damaged at byte"):
         read(path)

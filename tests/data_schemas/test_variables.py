@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from data_schemas.layouts import LAYOUTS
-from data_schemas.variable import same_unit
-from data_schemas.variables import VARIABLES, attributes
+from data_schemas.variables import VARIABLES, attributes, same_unit
 
 GROUPS = {group for layout in LAYOUTS.values() for group in (*layout.groups, layout.root)}
 

@@ -21,7 +21,7 @@ from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.row_reading import lit_columns
-from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.section import Section, follow_from, read_section
 from pipeline.film.tracking.seeding import find_swings, spot_size
 from synth.kernels.compiled import kernel
 
@@ -121,8 +121,8 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         if not fixed:
             optics = calibrate(section, optics)
         again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
-        if again is None:
-            break
+        if again is None or len(again.swings) < len(section.swings):
+            again = follow_from(section.swings, section.darkness, section.first, section.begin, optics, 1.0)
         section = again
         if (fixed and turn == 1) or _alike(before, optics):
             break

@@ -17,9 +17,9 @@ import numpy as np
 from pipeline.joint import apparatus, kicks, kinds, motion
 from pipeline.joint.constants import Constant, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, grown, priced, shifted
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, priced, shifted
 from pipeline.joint.outliers import stretch
-from pipeline.joint.unresolved import unresolved
+from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
 ROUNDS = 8
@@ -325,9 +325,8 @@ def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
 def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
     """A candidate fitted anew; None where it cannot be, or a constant goes far beyond its prior."""
     model = candidate[1]
-    try:
-        found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
-    except np.linalg.LinAlgError:
+    found = attempted(model, fit.path)
+    if found is None:
         return None
     own = [each for each in found.model.constants if not is_knot(each) and not each.stated]
     far = any(abs(each.value - each.mean) > FAR * each.prior for each in own)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import apparatus, explanation, kinds, spectrum
+from pipeline.joint import apparatus, explanation, kinds
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import COARSE_GATE, GATE, MOST_FITS, deviation, smoothed
-from pipeline.joint.problem import NO_PATH, Assumed, Problem
+from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
@@ -25,7 +25,6 @@ ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
-SPARSE = 2.0  # of the swing between readings, rad
 
 
 def first_constants(gathered: Gathered) -> tuple[Constant, ...]:
@@ -150,7 +149,7 @@ class Begun:
         """Follow the swing from a cold start; and the one that even, sparse times show as well."""
         problem = gathered.problem
         stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-        noise = np.concatenate([np.maximum(stated, spectrum.LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+        noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
         ship: tuple[Component, ...] = GENEROUS
         if problem.leaves_heave_open(sine):
             ship = (*ship, replace(GENEROUS[0], axis="vertical"))

@@ -16,7 +16,6 @@ from pipeline.joint.ship import Component, Ship
 MOST_FITS = 6
 PAYS = 5.0  # in log-likelihood
 STRAIGHT = 0.02  # of the reading noise
-TERMS = 9  # of a series in the square of the swing's turn from node to node, below 2
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
 
@@ -65,6 +64,7 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     Paths contract a thousandfold a pass, but in long gaps: the last one needs no smoothing. That of linear pendulums
     scales derivatives alone: from where it is smoothed under the ship's own spectrum it stays.
     """
+    about = grown(about, model.problem.pendulums, model.assumed.ship)
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
     contraction = 1.0 if model.problem.lattice.longest_gap > LONG_GAP else CONTRACTION
@@ -86,22 +86,17 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
 
 
-def values(fit: Fitted) -> Floats:
-    """Of the constants, (c,)."""
-    return np.array([each.value for each in fit.solution.constants])
-
-
-def again(fit: Fitted, problem: Problem) -> Floats:
-    """Values of the constants, (c,), where the same model is fitted to another problem."""
-    return values(fitted(replace(fit.model, problem=problem), fit.path, most=1))
-
-
-def straightened(fit: Fitted) -> Fitted:
-    """The same, gone on with where its last paths are not straight yet and that can be followed."""
+def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted | None:
+    """The same; None where a model cannot be followed."""
     try:
-        return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)
+        return fitted(model, about, smooth=smooth, most=most)
     except np.linalg.LinAlgError:
-        return fit
+        return None
+
+
+def likelier(fit: Fitted, other: Fitted | None) -> Fitted:
+    """The one of two fits that the readings are likelier under, if there is another."""
+    return fit if other is None or other.solution.log_likelihood <= fit.solution.log_likelihood else other
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
@@ -131,8 +126,7 @@ def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[
 def angles(fit: Fitted, times: Floats) -> Floats:
     """Each pendulum's angle at times since the first node, s, (n, p).
 
-    From node to node Hermite's quintic, whose two highest powers are those that a swing has beside a cubic: it is exact
-    for a swing.
+    From node to node a cubic and a swing, by angle, speed and acceleration at both ends: it is exact for a swing.
     """
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
@@ -146,28 +140,22 @@ def angles(fit: Fitted, times: Floats) -> Floats:
         pull = (flow.gravity + along[:, None]) * np.sin(angle) + across * np.cos(angle)
     else:
         pull = flow.gravity * angle + across
-    turn = lattice.step**2 * (-flow.kappa * pull - 2.0 * flow.damping * speed)
-    speed = lattice.step * speed
-    k = np.clip((times / lattice.step).astype(np.int64), 0, lattice.nodes - 2)
-    t = (times / lattice.step - k)[:, None]
-    out = angle[k] + t * (speed[k] + t * 0.5 * turn[k])
-    off = angle[k + 1] - angle[k] - speed[k] - 0.5 * turn[k]
-    faster, sharper = speed[k + 1] - speed[k] - turn[k], turn[k + 1] - turn[k]
-    square = (problem.swing * lattice.step) ** 2
-    second, third, fourth, fifth = (_swung(np.ones(1), m, square)[0] for m in (2, 3, 4, 5))
-    at_end = [[1.0, fourth, fifth], [3.0, 4.0 * third, 5.0 * fourth], [6.0, 12.0 * second, 20.0 * third]]
-    shares = [row[0] * off + row[1] * faster + row[2] * sharper for row in np.linalg.inv(at_end)]
-    powers = (t**3, _swung(t, 4, square), _swung(t, 5, square))
-    return np.asarray(out + sum(share * power for share, power in zip(shares, powers, strict=True)))
-
-
-def _swung(t: Floats, power: int, square: float) -> Floats:
-    """The power of t as a swing has it: `m! sum (-s)^k t^(m+2k)/(m+2k)!`, s the square of its turn as t goes to 1."""
-    term = total = t**power
-    for k in range(power + 2, power + 2 * TERMS, 2):
-        term = term * (-square / (k * (k - 1))) * t**2
-        total = total + term
-    return total
+    step, turn = lattice.step, problem.swing * lattice.step
+    known = np.stack([angle, step * speed, -(step**2) * (flow.kappa * pull + 2.0 * flow.damping * speed)])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    ends = [  # of 1, t, t^2, t^3, cos and sin of what the swing turns in t: value and two derivatives
+        [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, turn],
+        [0.0, 0.0, 2.0, 0.0, -(turn**2), 0.0],
+        [1.0, 1.0, 1.0, 1.0, cosine, sine],
+        [0.0, 1.0, 2.0, 3.0, -turn * sine, turn * cosine],
+        [0.0, 0.0, 2.0, 6.0, -(turn**2) * cosine, -(turn**2) * sine],
+    ]
+    shares = np.tensordot(np.linalg.inv(ends), np.concatenate([known[:, :-1], known[:, 1:]]), axes=1)
+    k = np.clip((times / step).astype(np.int64), 0, lattice.nodes - 2)
+    t = times / step - k
+    powers = (np.ones(t.size), t, t**2, t**3, np.cos(turn * t), np.sin(turn * t))
+    return np.asarray(sum(power[:, None] * share[k] for power, share in zip(powers, shares, strict=True)))
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:
@@ -209,6 +197,7 @@ Candidate = tuple[float, Model, Solution]
 def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
     """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
     root = prior_root(model.constants, model.course)
+    about = grown(about, model.problem.pendulums, model.assumed.ship)
     try:
         solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
     except np.linalg.LinAlgError:

@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, motion, repeating, spectrum
+from pipeline.joint import apparatus, choice, explanation, motion, repeating
 from pipeline.joint.clock import with_clock
 from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import mean_gravity, mean_row
-from pipeline.joint.explanation import LONG_GAP, grown
-from pipeline.joint.gaps import change_by_rounding, change_in_gaps
+from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
-from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.joint.unresolved import unseen
+from pipeline.joint.problem import LEAST_NOISE, LEVEL, Assumed
+from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, short_waves
 
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 
@@ -84,7 +83,7 @@ def reduce(gathered: Gathered) -> Outcome:
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
     hidden, doubt = change_in_gaps(fit, row)
-    lifted, waves = unseen(fit)
+    lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
     others = (of_planes(found[0], fit), waves, repeating.doubt(fit))
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
@@ -153,17 +152,16 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
         return 0.0, 0.0
     level = np.abs(np.append(lattice.combination.sum(axis=1), [0.0, 0.0]))[lattice.trace] > LEVEL
     gap = float(np.diff(lattice.time[level], prepend=0.0, append=lattice.duration).max())
-    if gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
+    if gap > LONG_GAP or model.problem.sparse:
         return 0.0, 0.0  # what sways in gaps, or between sparse samples, is not known
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
     about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)
     trial = replace(model, assumed=replace(model.assumed, ship=ship), begun=ship)
-    try:
-        tilted = explanation.fitted(trial, about, most=3 if fit.model.words else 1)
-        tilted = motion.reshaped(tilted) if fit.model.words else tilted
-    except np.linalg.LinAlgError:
+    tilted = explanation.attempted(trial, about, most=3 if fit.model.words else 1)
+    if tilted is None:
         return 0.0, 0.0
+    tilted = motion.reshaped(tilted) if fit.model.words else tilted
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
     law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
@@ -294,9 +292,8 @@ def heard(begun: Begun) -> explanation.Fitted | None:
     ship = (motion.heaving(rough, model.assumed) if sought else model.assumed).ship
     # pendulums that wander: friction, or gravity that changes, is not to be taken for wild readings
     wandering = replace(model.assumed, ship=ship, kick=begun.assumed.kick + KICK)
-    path = grown(rough.path, model.problem.pendulums, ship)
     try:
-        best = smoothed(model.problem, wandering, model.constants, path)
+        best = smoothed(model.problem, wandering, model.constants, rough.path)
         best = heard_again(replace(best.model, begun=ship), best, begun.gathered.problem)
     except np.linalg.LinAlgError:
         best = rough
@@ -337,16 +334,12 @@ def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanat
 
 def _beside(model: explanation.Model, assumed: Assumed, rough: explanation.Fitted) -> explanation.Fitted | None:
     """A model with another ship about the swing of a rough fit; None where it cannot be followed."""
-    pendulums = model.problem.pendulums
-    about = grown(rough.path[:, : 2 * pendulums], pendulums, assumed.ship)
-    try:
-        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about, smooth=True, most=1)
-    except np.linalg.LinAlgError:
-        return None
+    model = replace(model, assumed=assumed, begun=assumed.ship)
+    return explanation.attempted(model, rough.path[:, : 2 * model.problem.pendulums], smooth=True, most=1)
 
 
 def spectral(model: explanation.Model, rough: explanation.Fitted, gathered: Gathered) -> explanation.Model:
     """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
-    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), spectrum.LEAST_NOISE)
+    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), LEAST_NOISE)
     begun = motion.first(rough, stated)
     return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)

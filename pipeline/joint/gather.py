@@ -14,9 +14,8 @@ from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint import plausible
 from pipeline.joint.flow import NODES, POINTS
-from pipeline.joint.lattice import WINDOW, Lattice, is_calm, lay
+from pipeline.joint.lattice import WINDOW, Lattice, folded, is_calm, lay
 from pipeline.joint.problem import Problem
-from pipeline.joint.spectrum import folded
 from pipeline.ledger import eotvos, tide
 from pipeline.observation import instrument
 

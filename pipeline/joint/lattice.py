@@ -131,6 +131,12 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
     )
 
 
+def folded(frequency: float, step: float) -> float:
+    """Where readings at that step show a frequency, rad s-1."""
+    turns = frequency * step / (2.0 * np.pi)
+    return float(abs(turns - np.rint(turns)) * 2.0 * np.pi / step)
+
+
 WINDOW = 25.0  # s
 FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
 LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm

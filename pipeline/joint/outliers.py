@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, explanation
 from pipeline.joint.constants import Constant
-from pipeline.joint.explanation import grown, shifted
+from pipeline.joint.explanation import attempted, grown, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
 
@@ -119,8 +119,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         for some, each, more in options:
             trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
             cost = BROKEN * (each is not assumed) + STEPPED * (len(more) - len(stepped))
-            about = grown(path, problem.pendulums, each.ship)
-            worth.append(explanation.priced(trial, about, cost - OUTLIER * float(some[doubted].sum()), span)[0])
+            worth.append(explanation.priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span)[0])
         rejected, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(rejected) > MOST_REJECTED:
         rejected, assumed = lone, model.assumed
@@ -151,11 +150,8 @@ def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Pr
 
 def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
     """A model fitted about the path of a fit, or that fit where it stands higher."""
-    try:
-        about = grown(fit.path, model.problem.pendulums, model.assumed.ship)
-        return max(explanation.fitted(model, about), fit, key=standing)
-    except np.linalg.LinAlgError:
-        return fit
+    found = attempted(model, fit.path)
+    return fit if found is None else max(found, fit, key=standing)
 
 
 def standing(fit: explanation.Fitted) -> float:

@@ -20,6 +20,8 @@ NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NO_PATH = NONE2.astype(np.float32)
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
 FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
+LEAST_NOISE = 1e-6  # rad: readings are taken for no better
+SPARSE = 2.0  # of the swing between readings, rad
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
@@ -80,6 +82,11 @@ class Problem:
     def swing(self) -> float:
         """Frequency of the pendulums at reference gravity, rad s-1."""
         return float(np.sqrt(self.kappa.mean()))
+
+    @property
+    def sparse(self) -> bool:
+        """Whether readings are so far apart that sidebands of the swing lie upon each other."""
+        return self.lattice.interval * self.swing > SPARSE
 
     def until(self, nodes: int) -> Problem:
         """The first nodes alone."""

@@ -28,12 +28,15 @@ class Constant:
 
 def columns(constants: tuple[Constant, ...]) -> Columns:
     """What the kernels take."""
+    kind = np.array([each.kind for each in constants], dtype=np.int64)
     return Columns(
-        np.array([each.kind for each in constants], dtype=np.int64),
+        kind,
         np.array([each.index for each in constants], dtype=np.int64),
         np.array([each.centre for each in constants], dtype=np.float64),
         np.array([each.width for each in constants], dtype=np.float64),
         np.array([each.value for each in constants], dtype=np.float64),
+        np.flatnonzero((kind > kinds.START) & (kind < kinds.ZERO)),
+        np.flatnonzero(kind >= kinds.ZERO),
     )
 
 

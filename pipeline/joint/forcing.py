@@ -24,7 +24,7 @@ from pipeline.joint.kinds import (
     STEP,
     ZERO,
 )
-from pipeline.joint.passes import Columns, Readings, Slots
+from pipeline.joint.passes import Columns, Readings, Slots, Task
 from pipeline.joint.remainder import (
     COSINE,
     SHARES,
@@ -44,65 +44,44 @@ FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
 
 
 @kernel
-def remain(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    known: Floats,
-    recorded: Floats,
-    slope: Floats,
-    rows: Floats,
-    plain: bool,
-    joined: bool,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
+def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
     """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
-    lay_known(known, k, n, steps.nodes)
-    collocate(flow, plain, n, steps)
+    flow, sources, last = task.flow, task.flow.sources, task.columns.forced.size
+    lay_known(task.known, k, n, steps.nodes)
+    collocate(flow, task.plain, n, steps)
     if joined:
         join_ends(flow, n, steps)
-    if plain:
+    if task.plain:
         for r in range(steps.extra.shape[0]):
             for s in range(n):
                 steps.extra[r, s] = 0.0  # a knock of steps before
     else:
-        differentiate(flow, known, k, n, steps)
-        for i in range(rows.shape[0]):
-            np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
-    if forced.size > 0:
-        force_columns(flow, columns, forced, recorded, slope, k, n, steps)
+        differentiate(flow, task.known, k, n, steps)
+        for i in range(sources.shape[0]):
+            np.dot(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
+    force_columns(task, k, n, steps)
     if flow.heaves:
-        drive(flow, joined, forced.size + 1, n, steps)
+        drive(flow, joined, last + 1, n, steps)
     if flow.heave_noise > 0.0:
         jolt(flow, n, steps)
     for r in range(steps.extra.shape[0]):
         for s in range(n):
-            steps.push[forced.size, r, s] = steps.extra[r, s]
+            steps.push[last, r, s] = steps.extra[r, s]
 
 
 @kernel
-def force_columns(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    recorded: Floats,
-    slope: Floats,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
-    """What the constants `forced` add to the derivatives of the pendulums during the steps from node k.
+def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
+    """What the constants that move the pendulums add to their derivatives during the steps from node k.
 
     What a knock in such a step moves the pendulums by is added to `extra`.
     """
+    flow, columns, recorded, slope = task.flow, task.columns, task.recorded, task.slope
     nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
     weight = steps.weight
     count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
-    for f in range(forced.size):
-        c = forced[f]
+    for f in range(columns.forced.size):
+        c = columns.forced[f]
         kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
         for r in range(2 * count):
             for s in range(n):
@@ -205,7 +184,6 @@ def jolt(flow: Flow, n: int, steps: Steps) -> None:
 def derive_errors(
     readings: Readings,
     columns: Columns,
-    of_traces: np.ndarray,
     which: int,
     node: float,
     slots: Slots,
@@ -213,14 +191,14 @@ def derive_errors(
     seen: Floats,
     j: int,
 ) -> None:
-    """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
+    """What the constants of a trace add to the derivatives of what is seen of a reading.
 
     On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
     """
     last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
     speed = 0.0
-    for n in range(of_traces.size):
-        c = of_traces[n]
+    for n in range(columns.of_traces.size):
+        c = columns.of_traces[n]
         kind = columns.kind[c]
         own = columns.member[c]
         if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Solution, is_mode
+from pipeline.joint.constants import Constant, Constants, Solution, is_mode
 from pipeline.joint.problem import Problem
 
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
@@ -28,7 +28,7 @@ UNITS = {
 }
 
 
-def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
+def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     """What is not exactly known: zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty.
 
     Parameters
@@ -67,7 +67,7 @@ def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
     return tuple(found)
 
 
-def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[Constant]:
+def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     """What may be wrong all along, beside constants that are sought already.
 
     Of gains and periods only as many show as there are differences: one more would be the scale of all, which nothing

@@ -15,7 +15,7 @@ from itertools import groupby
 import numpy as np
 
 from pipeline.joint import apparatus, kicks, kinds, motion
-from pipeline.joint.constants import Constant, solve
+from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
 from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, priced, shifted
 from pipeline.joint.outliers import stretch
@@ -65,9 +65,7 @@ def _possible(fit: Fitted) -> list[Constant]:
     return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
 
 
-def _added(
-    fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
-) -> list[Candidate]:
+def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:
     """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
 
     A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
@@ -333,7 +331,7 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
     return None if far or feeds(found.model.constants) else found
 
 
-def feeds(constants: tuple[Constant, ...]) -> bool:
+def feeds(constants: Constants) -> bool:
     """Whether friction that is not viscous would feed the swing: a wrong damping looks so."""
     return any(
         sum(each.value for each in constants if each.kind == kind) < 0.0 for kind in (kinds.QUADRATIC, kinds.DRY)

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, is_mode, log_likelihood
+from pipeline.joint.constants import Constant, Constants, is_mode, log_likelihood
 from pipeline.joint.course import prior_root
 from pipeline.joint.explanation import Fitted, fitted
 
@@ -36,7 +36,7 @@ def with_clock(fit: Fitted) -> Fitted:
     whole = (*model.constants, *modes)
     _, of = problem.run(model.assumed, whole, about=fit.path, root=prior_root(whole, model.course))
 
-    def likelihood(constants: tuple[Constant, ...]) -> float:
+    def likelihood(constants: Constants) -> float:
         root = prior_root(constants, model.course)
         return log_likelihood(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
 
@@ -44,7 +44,7 @@ def with_clock(fit: Fitted) -> Fitted:
     return fitted(replace(model, constants=max(tried, key=likelihood)), fit.path)
 
 
-def _weighed(constants: tuple[Constant, ...], size: float, corner: float) -> tuple[Constant, ...]:
+def _weighed(constants: Constants, size: float, corner: float) -> Constants:
     """Time errors by so much larger beforehand, and smaller above a corner, rad s-1."""
     return tuple(
         replace(each, prior=size * each.prior / (1.0 + (each.width / corner) ** 2)) if is_mode(each) else each

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds, passes
-from pipeline.joint.constants import Constant, Solution, solve
+from pipeline.joint.constants import Constant, Constants, Solution, solve
 from pipeline.joint.course import Course, prior_root
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
@@ -25,7 +25,7 @@ class Model:
 
     words: tuple[str, ...]  # What it adds to the plainest one
     assumed: Assumed
-    constants: tuple[Constant, ...]
+    constants: Constants
     problem: Problem
     begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
@@ -39,7 +39,7 @@ class Fitted:
     solution: Solution
     path: Floats  # (k, d)
     of: passes.Pass  # The last pass: prediction errors at the solution, and the products of their derivatives
-    about: tuple[Constant, ...]  # What it went about
+    about: Constants  # What it went about
     doubt: float = 0.0
     """Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known."""
     bent: float = 0.0  # See `bend`, between the last two paths
@@ -118,7 +118,7 @@ def path_on(fit: Fitted, ship: tuple[Component, ...]) -> Floats:
     return grown(path, pendulums, ship)
 
 
-def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:
+def shifted(constants: Constants, path: Floats, begin: int) -> Constants:
     """Constants whose start is the path's at a later node."""
     return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kinds.START else c for c in constants)
 

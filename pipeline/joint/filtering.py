@@ -14,25 +14,12 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.joint import updating
 from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.forcing import derive_errors, remain
 from pipeline.joint.kinds import GAIN
 from pipeline.joint.passes import Columns, Kept, Pass, Slots, Task
 from pipeline.joint.remainder import Steps, collocate, lay_known, reach, room_for
-from pipeline.joint.updating import (
-    add_drive,
-    add_noise,
-    change_of,
-    deviate,
-    lay_heave,
-    lift,
-    pick,
-    pull_aside,
-    row_of,
-    set_aside,
-    substitute,
-    whiten,
-)
 from synth.kernels.compiled import kernel
 
 ANYWHERE = 0.1  # rad
@@ -164,11 +151,11 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
                 covariance[2 * i + 1, 2 * i + 1] += flow.kappa[i] * ANYWHERE**2
                 moving = True
             at_break += 1
-        used, alike = pick(readings, k, slots)
+        used, alike = updating.pick(readings, k, slots)
         alike = alike and used == before
         if not alike:
             for j in range(used):
-                row_of(flow, readings, slots.reading[j], slots, j)
+                updating.row_of(flow, readings, slots.reading[j], slots, j)
         before, moving = used, moving or not alike
         if given and asked:
             at = k - chunk
@@ -182,16 +169,16 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             lay_known(known, k, width, steps.nodes)
             collocate(flow, plain, width, steps)
         if joined and flow.heaves:
-            lay_heave(flow, readings, slots, used, steps, path, at)
+            updating.lay_heave(flow, readings, slots, used, steps, path, at)
         np.dot(slots.row[:used], state, seen[:used])
         if not plain:
-            pull_aside(slots, used, readings, steps.rest, at, seen)
+            updating.pull_aside(slots, used, readings, steps.rest, at, seen)
         for j in range(used):
             derive_errors(readings, columns, slots.reading[j], k * flow.step, slots, state, seen, j)
             seen[j, constants] -= readings.value[slots.reading[j]]
         if moving:
             np.dot(slots.row[:used], covariance, gain[:used])
-            deviate(slots, used, gain)
+            updating.deviate(slots, used, gain)
         over = False
         for j in range(used):
             of.errors[slots.reading[j]] = -seen[j, constants] / slots.deviation[j]
@@ -200,16 +187,16 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             if not moving:  # a reading over the gate lets the gain move
                 moving = True
                 np.dot(slots.row[:used], covariance, gain[:used])
-            used, alike, before = set_aside(slots, used, task.gate, of, seen, gain), False, -1
+            used, alike, before = updating.set_aside(slots, used, task.gate, of, seen, gain), False, -1
         change = 1.0
         if moving:
-            if not whiten(slots, used, gain, root):
+            if not updating.whiten(slots, used, gain, root):
                 return False
-            lift(covariance, gain, gain, used, updated)
+            updating.lift(covariance, gain, gain, used, updated)
             if not flow.varying and used > 0:
-                change = change_of(gain, used, old_gain, covariance)
-        substitute(root, used, seen)
-        lift(state, gain, seen, used, state_updated)
+                change = updating.change_of(gain, used, old_gain, covariance)
+        updating.substitute(root, used, seen)
+        updating.lift(state, gain, seen, used, state_updated)
         for j in range(used):
             product *= root[j, j]
             of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = -seen[j, constants], root[j, j]
@@ -243,9 +230,9 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
         if moving:
             np.dot(ahead, updated, moved)
             np.dot(moved, ahead_columns, updated)
-            add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
+            updating.add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
             if flow.heaves:
-                add_drive(flow, push, forced.size + 1, at, covariance)
+                updating.add_drive(flow, push, forced.size + 1, at, covariance)
         for r in range(two):
             state[r, constants] += push[forced.size, r, at]  # what is left of the sine law
             for n in range(forced.size):

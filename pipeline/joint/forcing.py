@@ -5,39 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.joint import kinds, remainder
 from pipeline.joint.flow import NODES, POINTS, Flow
-from pipeline.joint.kinds import (
-    CLOCK,
-    CUBIC,
-    DAMPING,
-    DELAY,
-    DRIFT,
-    DRY,
-    FADE,
-    GAIN,
-    GRAVITY,
-    HEAVE_DELAY,
-    HEAVE_SCALE,
-    KNOCK,
-    QUADRATIC,
-    RATIO,
-    STEP,
-    ZERO,
-)
 from pipeline.joint.passes import Columns, Readings, Slots, Task
-from pipeline.joint.remainder import (
-    COSINE,
-    SHARES,
-    SINE,
-    TURNED,
-    Steps,
-    collocate,
-    cubics,
-    differentiate,
-    direction,
-    join_ends,
-    lay_known,
-)
+from pipeline.joint.remainder import COSINE, SHARES, SINE, TURNED, Steps
 from synth.kernels.compiled import kernel
 
 FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
@@ -47,16 +18,16 @@ FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
 def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
     """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
     flow, sources, last = task.flow, task.flow.sources, task.columns.forced.size
-    lay_known(task.known, k, n, steps.nodes)
-    collocate(flow, task.plain, n, steps)
+    remainder.lay_known(task.known, k, n, steps.nodes)
+    remainder.collocate(flow, task.plain, n, steps)
     if joined:
-        join_ends(flow, n, steps)
+        remainder.join_ends(flow, n, steps)
     if task.plain:
         for r in range(steps.extra.shape[0]):
             for s in range(n):
                 steps.extra[r, s] = 0.0  # a knock of steps before
     else:
-        differentiate(flow, task.known, k, n, steps)
+        remainder.differentiate(flow, task.known, k, n, steps)
         for i in range(sources.shape[0]):
             np.dot(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
     force_columns(task, k, n, steps)
@@ -86,7 +57,7 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
         for r in range(2 * count):
             for s in range(n):
                 push[f, r, s] = 0.0
-        if kind == KNOCK:
+        if kind == kinds.KNOCK:
             i = columns.member[c]
             own = np.sqrt(flow.kappa[i] * flow.gravity)
             for s in range(n):
@@ -96,7 +67,7 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
                     extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]
                     extra[2 * i + 1, s] += columns.value[c] * push[f, 2 * i + 1, s]
             continue
-        if kind == GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
+        if kind == kinds.GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
             continue
         for i in range(count):
             if columns.member[c] >= 0 and columns.member[c] != i:
@@ -106,29 +77,29 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
                 speed, u, z = nodes[POINTS * (count + i) + m], nodes[horizontal + m], nodes[vertical + m]
                 for s in range(n):
                     force[s] = -kappa * rest[i, SINE, m, s]
-                if kind == DAMPING:
+                if kind == kinds.DAMPING:
                     for s in range(n):
                         force[s] = -2.0 * speed[s]
-                elif kind == QUADRATIC:
+                elif kind == kinds.QUADRATIC:
                     for s in range(n):
                         force[s] = -abs(speed[s]) * speed[s]
-                elif kind == DRY:
+                elif kind == kinds.DRY:
                     for s in range(n):
-                        force[s] = -direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
-                elif kind == FADE:
+                        force[s] = -remainder.direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
+                elif kind == kinds.FADE:
                     more = FADED * (abs(flow.fade) + TURNED)
                     for s in range(n):
                         angle = nodes[POINTS * i + m, s]
-                        force[s] = direction(flow, i, m, angle, speed[s], flow.fade)[0]
-                        force[s] -= direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
+                        force[s] = remainder.direction(flow, i, m, angle, speed[s], flow.fade)[0]
+                        force[s] -= remainder.direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
                         force[s] *= flow.dry[i] / more
-                elif kind == RATIO:
+                elif kind == kinds.RATIO:
                     for s in range(n):
                         force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
-                elif kind == HEAVE_SCALE:
+                elif kind == kinds.HEAVE_SCALE:
                     for s in range(n):
                         force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
-                elif kind == HEAVE_DELAY:
+                elif kind == kinds.HEAVE_DELAY:
                     for s in range(n):
                         force[s] *= slope[k + s, m] if slope.shape[0] > 0 else 0.0
                 elif width > 0.0:
@@ -154,7 +125,7 @@ def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
             for s in range(n):
                 push[begin, at, s] = push[begin + 1, at, s] = 0.0
             for m in range(POINTS):
-                cubic, slope = cubics(flow.step, m)
+                cubic, slope = remainder.cubics(flow.step, m)
                 for s in range(n):
                     by = factor[i, 4 * m + 3, r, s]
                     push[begin, at, s] += cubic * by
@@ -203,17 +174,17 @@ def derive_errors(
         own = columns.member[c]
         if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
             continue
-        if kind == ZERO:
+        if kind == kinds.ZERO:
             seen[j, c] += 1.0
-        elif kind == DRIFT:
+        elif kind == kinds.DRIFT:
             seen[j, c] += (time - columns.centre[c]) / columns.width[c]
-        elif kind == GAIN:
+        elif kind == kinds.GAIN:
             seen[j, c] += readings.value[which]
-        elif kind == CUBIC:
+        elif kind == kinds.CUBIC:
             seen[j, c] += readings.value[which] ** 3
-        elif kind == STEP and time >= columns.centre[c]:
+        elif kind == kinds.STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
-        elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
+        elif kind == kinds.DELAY or (kind == kinds.CLOCK and time >= columns.centre[c]):
             if speed == 0.0:
                 for q in range(state.shape[0]):
                     speed += slots.rate[j, q] * state[q, last]

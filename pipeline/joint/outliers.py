@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, explanation
-from pipeline.joint.constants import Constant
+from pipeline.joint.constants import Constants
 from pipeline.joint.explanation import attempted, grown, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
@@ -50,7 +50,7 @@ def isolated(rough: explanation.Fitted) -> bool:
 def smoothed(
     problem: Problem,
     assumed: Assumed,
-    constants: tuple[Constant, ...],
+    constants: Constants,
     about: Floats,
     first_gate: float = COARSE_GATE,
     most: int = MOST_FITS,
@@ -62,11 +62,11 @@ def smoothed(
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
         model = explanation.Model((), assumed, constants, problem, assumed.ship)
-        heard = contested(model, about, of.errors, gate) if most > 1 else model
-        fit = explanation.Fitted(heard, solution, about, of, before)
-        if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+        kept = contested(model, about, of.errors, gate) if most > 1 else model
+        fit = explanation.Fitted(kept, solution, about, of, before)
+        if kept is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-        problem, assumed, constants = heard.problem, heard.assumed, heard.constants
+        problem, assumed, constants = kept.problem, kept.assumed, kept.constants
     return fit
 
 
@@ -83,7 +83,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     at = np.flatnonzero(over)
     rejected, lone = problem.left_out.copy(), problem.left_out.copy()
     clusters = np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1)
-    stepped: tuple[Constant, ...] = ()
+    stepped: Constants = ()
     doubtful = sum(cluster.size >= LEAST_BURST for cluster in clusters)
     for cluster in clusters if np.mean(over) < MOST_OVER else clusters[:1]:
         first, last = time[cluster[[0, -1]]]
@@ -129,7 +129,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
 
 
-def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
+def reconsidered(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
     """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
     path = grown(begun.path, problem.pendulums, model.assumed.ship)
     for node in {node for node, _ in model.assumed.breaks}:
@@ -139,13 +139,13 @@ def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Pr
         values = [explanation.priced(replace(here, assumed=each), path, span=span)[0] for each in (here.assumed, whole)]
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
-    heard = replace(model, problem=problem)
+    model = replace(model, problem=problem)
     for _ in range(MOST_FITS):
-        _, of = heard.problem.run(heard.assumed, heard.constants, about=path, gate=GATE)
-        before, heard = heard, contested(heard, path, of.errors, GATE * deviation(of.errors))
-        if heard is before:
+        _, of = model.problem.run(model.assumed, model.constants, about=path, gate=GATE)
+        before, model = model, contested(model, path, of.errors, GATE * deviation(of.errors))
+        if model is before:
             break
-    return better(heard, begun)
+    return better(model, begun)
 
 
 def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import constants as unknown
 from pipeline.joint import filtering, kinds, passes, smoother
-from pipeline.joint.constants import Constant, Solution
+from pipeline.joint.constants import Constants, Solution
 from pipeline.joint.flow import NODES, POINTS, Flow, flow
 from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
@@ -108,7 +108,7 @@ class Problem:
         """Of each pendulum in a trace; none in the acceleration behind the last."""
         return self.lattice.combination[trace] if trace < self.traces else np.zeros(self.pendulums)
 
-    def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
+    def flow(self, assumed: Assumed, constants: Constants) -> Flow:
         """One step under the constants' values."""
         count, gravity = self.pendulums, float(unknown.total(constants, kinds.GRAVITY, 1)[0])
         ratio, damping, quadratic, dry = (
@@ -122,15 +122,15 @@ class Problem:
         numbers = self.lattice.step, gravity, assumed.sine, fade, assumed.heave_noise
         return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 
-    def gain(self, constants: tuple[Constant, ...]) -> Floats:
+    def gain(self, constants: Constants) -> Floats:
         """Error of the scale of each trace, and none of the accelerations."""
         return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
 
-    def cubic(self, constants: tuple[Constant, ...]) -> float:
+    def cubic(self, constants: Constants) -> float:
         """What the optics make of an angle x beside x, over its cube, rad-2."""
         return float(unknown.total(constants, kinds.CUBIC, 1)[0])
 
-    def in_its_scale(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Assumed:
+    def in_its_scale(self, assumed: Assumed, constants: Constants) -> Assumed:
         """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
         level = self.lattice.combination.sum(axis=1) ** 2
         gain = self.gain(constants)[: self.traces]
@@ -140,7 +140,7 @@ class Problem:
         ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
         return replace(assumed, ship=ship, kick=assumed.kick / scale)
 
-    def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> passes.Readings:
+    def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
         """The readings less what the constants say of the traces."""
         own, lattice = self.lattice, self.lattice
         zero = unknown.total(constants, kinds.ZERO, self.traces + 2)
@@ -165,7 +165,7 @@ class Problem:
             variance[self.left_out] = np.inf
         return lattice.readings(variance, value, late)
 
-    def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
+    def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
         course = [each for each in constants if each.kind == kinds.GRAVITY and each.width > 0.0 and each.value]
         scale = 1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])
@@ -186,7 +186,7 @@ class Problem:
     def run(
         self,
         assumed: Assumed,
-        constants: tuple[Constant, ...],
+        constants: Constants,
         *,
         span: tuple[int, int] | None = None,
         about: Floats = NO_PATH,
@@ -219,7 +219,7 @@ class Problem:
     def fit(
         self,
         assumed: Assumed,
-        constants: tuple[Constant, ...],
+        constants: Constants,
         *,
         about: Floats = NO_PATH,
         gate: float = 0.0,
@@ -268,7 +268,7 @@ class Problem:
         return solution, of, path if smooth else about
 
     def _task(
-        self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float
+        self, assumed: Assumed, constants: Constants, about: Floats, gate: float
     ) -> tuple[passes.Task, passes.Pass]:
         """What a pass takes, and where it begins."""
         assumed = self.in_its_scale(assumed, constants)
@@ -301,7 +301,7 @@ class Problem:
         self,
         readings: passes.Readings,
         of: passes.Pass,
-        constants: tuple[Constant, ...],
+        constants: Constants,
         root: Floats | None,
         begin: int,
         end: int,

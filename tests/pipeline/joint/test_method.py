@@ -18,9 +18,9 @@ from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import of_case
 from pipeline.benchmarks.honesty.records import record as honesty_record
 from pipeline.joint import choice
-from pipeline.joint.cold_start import Begun
 from pipeline.joint.gather import gather
 from pipeline.joint.outliers import isolated
+from pipeline.joint.start import Begun
 
 GRAVITY = 9.8123
 

@@ -13,6 +13,7 @@ from pipeline.joint import choice, course, fit, lattice, motion
 from pipeline.joint.explanation import Fitted, fitted, grown, shifted
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine, Sea
+from pipeline.joint.start import Begun
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import Spectrum, errors_by_frequency
 
@@ -97,7 +98,7 @@ def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> 
 
 def test_first_ship_of_a_rough_fit_is_nearly_the_last(gathered: Gathered, settled: Fitted) -> None:
     """The likelihood of the first guess lies closer to the last than to that of the generous ship it began with."""
-    begun = fit.Begun.of(gathered, sine=True)[0]
+    begun = Begun.of(gathered, sine=True)[0]
     sought = np.append(np.full(2, np.nan), settled.model.assumed.noise[-2:])
     found = motion.first(begun.rough, sought)
     assert found.noise[:2] == pytest.approx(settled.model.assumed.noise[:2], rel=0.3)

@@ -39,19 +39,14 @@ REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may ex
 def candidates(fit: Fitted) -> Iterator[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
     shown = fit.solution.log_likelihood + FEIGNED
-    found = _constants(fit)
+    taken = any(is_knot(each) for each in fit.model.constants)
+    found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
     kicked = list(kicks.larger_or_smaller(fit))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
     steps = _steps(fit) if max(each[0] for each in [*found, *kicked]) > shown else []
     yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
     yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
-
-
-def _constants(fit: Fitted) -> list[Candidate]:
-    """Friction, a course of gravity, faults of the apparatus, all priced by one pass."""
-    taken = any(is_knot(each) for each in fit.model.constants)
-    return _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
 
 
 def _possible(fit: Fitted) -> list[Constant]:
@@ -71,39 +66,33 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
     A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
     their mean.
     """
-    model = fit.model
-    scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in model.constants)
-    problem, own = model.problem, model.constants
+    model, own = fit.model, fit.model.constants
+    scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in own)
     whole = (*own, *extra, *course)
     root = np.diag([each.prior for each in whole])
     root[: len(own), : len(own)] = prior_root(own, model.course)
-    _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
-    first = list(range(len(own)))
-    found = []
+    _, of = model.problem.run(model.assumed, whole, about=fit.path, root=root)
+    first, found = list(range(len(own))), []
     for name, some in groupby(enumerate(extra, len(own)), key=lambda each: each[1].name):
         places, added = zip(*some, strict=True)
-        rows = [*first, *places]
+        rows, of_one = [*first, *places], added[0].index >= 0
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        for least in (1.0, SMALL) if added[0].kind in SCALES and added[0].index >= 0 else (1.0,):
+        free = added[0].kind == kinds.GAIN and not of_one and scaled
+        for least in (1.0, SMALL) if added[0].kind in SCALES and of_one else (1.0,):
             prior = root[np.ix_(rows, rows)]
             prior[len(own) :, len(own) :] *= least
             constants = (*own, *(replace(each, prior=least * each.prior) for each in added))
             solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
             trial = replace(model, words=(*model.words, name), constants=solution.constants)
-            price = (
-                0.0
-                if added[0].kind == kinds.GAIN and added[0].index < 0 and scaled
-                else cost - LIKELIER * (least < 1.0)
-            )
+            price = 0.0 if free else cost - LIKELIER * (least < 1.0)
             if not feeds(solution.constants):
                 found.append((solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        track, solution = best_course((*own, *course), normal, of.totals, problem.lattice.duration)
-        words = (*model.words, "gravity changes")
+        track, solution = best_course((*own, *course), normal, of.totals, model.problem.lattice.duration)
         # two more parameters, of the prior
-        trial = replace(model, words=words, constants=solution.constants, course=track)
+        trial = replace(model, words=(*model.words, "gravity changes"), constants=solution.constants, course=track)
         found.append((solution.log_likelihood - 2.0, trial, solution))
     return found
 
@@ -229,27 +218,19 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 def _rivals(fit: Fitted) -> list[Candidate]:
     """Other constants, and kicks, that explain nearly as well what was taken explains."""
     found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
-    leans: list[tuple[Fitted, list[Candidate]]] = []
-    for taken in model.constants:
-        if taken.kind in REPLACED and not taken.stated:
-            lean = fit.without(taken)
-            others = [each for each in _possible(lean) if each.name != taken.name]
-            tried = [
-                *_added(lean, others, cost=0.0),
-                *(kicks.larger_or_smaller(lean) if taken.kind not in SCALES else ()),
-            ]
-            leans.append((lean, tried))
+    replaced = [each for each in model.constants if each.kind in REPLACED and not each.stated]
+    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced]
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
-        lean = fitted(still, fit.path)
-        leans.append((lean, _added(lean, _possible(lean), cost=0.0)))
-    for lean, tried in leans:
-        for each in tried:
+        leans.append((fitted(still, fit.path), "kicks", False))
+    for lean, name, kicked in leans:
+        others = [each for each in _possible(lean) if each.name != name]
+        for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
             other = _fitted(lean, each) if each[0] > least - MUCH else None
-            if other is not None:
+            if other is not None and other.solution.log_likelihood > least:
                 found.append((other.solution.log_likelihood, other.model, other.solution))
-    return [each for each in found if each[0] > least]
+    return found
 
 
 class Tried:
@@ -286,13 +267,11 @@ class Tried:
         """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
         base = self.fit.solution.log_likelihood
         for number, each in enumerate(ahead):
-            rest = ahead[number + 1 :]
             far_off = each[0] > base + VERY_MUCH  # the path that it was priced about
-            if far_off:
-                rest = list({other[1].words[-1:]: other for other in reversed(rest)}.values())
-                same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
+            if far_off:  # the best of each kind
+                same = list({other[1].words[-1:]: other for other in reversed(ahead[number:])}.values())[::-1]
             else:
-                same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
+                same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
             fits = [(one, found) for one in same if (found := _fitted(self.fit, one)) is not None]
             if far_off:
                 fits = [(one, motion.reshaped(found)) for one, found in fits]

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, motion, repeating
-from pipeline.joint.clock import with_clock
+from pipeline.joint import apparatus, choice, explanation, motion
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP
+from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import OUTLIER
 from pipeline.joint.problem import LEVEL
@@ -73,7 +73,7 @@ def reduce(gathered: Gathered) -> Outcome:
     try:
         found = fitted(gathered)
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
-            found = [with_clock(repeating.corrected(each, tells_law=len(found) > 1)) for each in found]
+            found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
@@ -95,7 +95,7 @@ def reduce(gathered: Gathered) -> Outcome:
     hidden, doubt = change_in_gaps(fit, row)
     lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
-    others = (of_planes(found[0], fit), waves, repeating.doubt(fit))
+    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit))
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)

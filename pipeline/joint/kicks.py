@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import motion
 from pipeline.joint.course import mean_gravity
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, path_on, priced
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, path_on, priced
 
 SIZES = 8  # each three times the one before
 NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of sizes
@@ -79,10 +79,10 @@ def alone(fit: Fitted) -> Fitted | None:
             if best[0] == last:
                 break
             last, size = best[0], THRICE * size
-        try:
-            kicked = motion.reshaped(fitted(best[1], path_on(fit, best[1].assumed.ship)))
+        kicked = attempted(best[1], path_on(fit, best[1].assumed.ship))
+        if kicked is not None:
+            kicked = motion.reshaped(kicked)
             other = max(larger_or_smaller(kicked), key=lambda one: one[0])  # on the ship that goes with them
-            found.append(kicked if other[0] < kicked.solution.log_likelihood else fitted(other[1], kicked.path))
-        except np.linalg.LinAlgError:
-            continue
+            more = attempted(other[1], kicked.path) if other[0] >= kicked.solution.log_likelihood else kicked
+            found += [] if more is None else [more]
     return max(found, key=lambda one: one.solution.log_likelihood, default=None)

@@ -60,7 +60,7 @@ class Problem:
     none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
-    time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`.
+    time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `film_errors.with_clock`.
     time_noise: float = 0.0
     """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
     paper_steps: tuple[float, ...] = ()

@@ -113,7 +113,7 @@ def step_of_zero(trace: int, at: float) -> Constant:
     return Constant(f"step of trace {trace + 1} at {at:.1f} s", kinds.STEP, ZERO, trace, centre=at)
 
 
-def found(solution: Solution) -> list[str]:
+def faults_found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
     shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CUBIC + 1))
     deviations = np.sqrt(np.diag(solution.covariance))

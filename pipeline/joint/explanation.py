@@ -184,9 +184,8 @@ def astray(model: Model, path: Floats, about: Floats) -> float:
     for i in range(0, two, 2):
         angle, at = path[:, i], about[:, i]
         sine, cosine = np.sin(at), np.cos(at)
-        linear = (1.0 + along) * sine + across * cosine + (z - along) * sine + (u - across) * cosine
-        linear += ((1.0 + along) * cosine - across * sine) * (angle - at)
-        rest = (1.0 + z) * np.sin(angle) + u * np.cos(angle) - linear
+        rest = (1.0 + z) * (np.sin(angle) - sine) + u * (np.cos(angle) - cosine)
+        rest -= ((1.0 + along) * cosine - across * sine) * (angle - at)
         worst = max(worst, abs(float(rest @ angle) / float(angle @ angle)))
     return worst
 

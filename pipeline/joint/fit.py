@@ -49,7 +49,7 @@ class Outcome:
         """The best explanation, and how close others come."""
         model = self.fit.model
         law = "sine" if model.assumed.sine else "linear"
-        faults = apparatus.found(self.fit.solution)
+        faults = apparatus.faults_found(self.fit.solution)
         named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
         repeating = model.problem.repeating
         errors = f"errors repeating with the swing: {repeating.max():.2g} rad" if repeating.size else ""

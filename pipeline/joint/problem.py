@@ -142,18 +142,15 @@ class Problem:
 
     def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
         """The readings less what the constants say of the traces."""
-        own, lattice = self.lattice, self.lattice
-        zero = unknown.total(constants, kinds.ZERO, self.traces + 2)
-        gain = self.gain(constants)
+        own, gain = self.lattice, self.gain(constants)
         delay = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))
-        late = delay[own.trace] if delay.any() or any(c.kind == kinds.CLOCK for c in constants) else None
-        value = lattice.value - zero[own.trace]
+        late, value = delay[own.trace], own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
             elif each.kind == kinds.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
-            elif each.kind == kinds.CLOCK and late is not None:
+            elif each.kind == kinds.CLOCK:
                 shape = np.cos(each.width * own.time) * (own.time >= each.centre)
                 late += np.where(own.trace < self.traces, each.value * shape, 0.0)
         value /= 1.0 + gain[own.trace]
@@ -163,7 +160,8 @@ class Problem:
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
         if self.left_out.size:
             variance[self.left_out] = np.inf
-        return lattice.readings(variance, value, late)
+        first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
+        return passes.Readings(first, own.trace, own.offset - late, value, variance, own.combination)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""

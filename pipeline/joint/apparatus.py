@@ -31,10 +31,7 @@ UNITS = {
 def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     """What is not exactly known: zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty.
 
-    Parameters
-    ----------
-    known : mapping
-        What /instrument states; see `pipeline.observation.instrument`.
+    `known`: what /instrument states; see `pipeline.observation.instrument`.
     """
     stated, gravity, traces = known["constants"], float(known["reference_gravity"]), range(problem.traces)
     across, up = "horizontal_acceleration", "vertical_acceleration"
@@ -95,11 +92,9 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
 def steps(problem: Problem, times: Floats) -> list[Constant]:
     """Steps of each zero, of the clock and of each pendulum's speed (which, the readings hardly tell) at times, s."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
-    found += [
-        Constant(f"knock of a pendulum at {at:.1f} s", kinds.KNOCK, KNOCK, i, centre=float(at))
-        for at in times
-        for i in range(problem.pendulums)
-    ]
+    for at in times.tolist():
+        words = f"knock of a pendulum at {at:.1f} s"
+        found += [Constant(words, kinds.KNOCK, KNOCK, i, centre=at) for i in range(problem.pendulums)]
     return [*found, *(step_of_clock(float(at)) for at in times)]
 
 

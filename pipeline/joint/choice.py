@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from pipeline.joint import apparatus, kicks, kinds, motion
 from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, priced, shifted
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, likelier, priced, shifted
 from pipeline.joint.outliers import stretch
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
@@ -44,9 +45,9 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     kicked = list(kicks.larger_or_smaller(fit))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
-    steps = _steps(fit) if max(each[0] for each in [*found, *kicked]) > shown else []
+    steps = _steps(fit) if max(each.value for each in [*found, *kicked]) > shown else []
     yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
-    yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
+    yield from motion.components(fit, slow=max(each.value for each in [*found, *steps]) > shown)
 
 
 def _possible(fit: Fitted) -> list[Constant]:
@@ -86,14 +87,14 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
             trial = replace(model, words=(*model.words, name), constants=solution.constants)
             price = 0.0 if free else cost - LIKELIER * (least < 1.0)
             if not feeds(solution.constants):
-                found.append((solution.log_likelihood - price, trial, solution))
+                found.append(Candidate(solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
         track, solution = best_course((*own, *course), normal, of.totals, model.problem.lattice.duration)
         # two more parameters, of the prior
         trial = replace(model, words=(*model.words, "gravity changes"), constants=solution.constants, course=track)
-        found.append((solution.log_likelihood - 2.0, trial, solution))
+        found.append(Candidate(solution.log_likelihood - 2.0, trial, solution))
     return found
 
 
@@ -103,14 +104,14 @@ def _steps(fit: Fitted) -> list[Candidate]:
     low, high = 0.0, lattice.duration
     best: list[Candidate] = []
     shown = fit.solution.log_likelihood - STEP_COST + FEIGNED  # what gains nothing on the coarse grid is not there
-    while high - low > LEAST_STEP * lattice.step and (not best or best[0][0] > shown):
+    while high - low > LEAST_STEP * lattice.step and (not best or best[0].value > shown):
         grid = np.linspace(low, high, STEPS + 2)[1:-1]
         tried = apparatus.steps(fit.model.problem, grid)
         if best:
-            last = best[0][1].constants[-1]
+            last = best[0].model.constants[-1]
             tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
-        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each[0])]
-        at = best[0][1].constants[-1].centre
+        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each.value)]
+        at = best[0].model.constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
 
@@ -123,10 +124,10 @@ def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
         node = int(lattice.node[last]) + 1
         span = stretch(model.problem, node, int(lattice.node[last + 1]))
         here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
-        own = priced(here, fit.path, span=span)[0]
+        own = priced(here, fit.path, span=span).value
         for i in range(model.problem.pendulums):
             knocked = replace(here.assumed, breaks=(*here.assumed.breaks, (node, i)))
-            gain = priced(replace(here, assumed=knocked), fit.path, span=span)[0] - own
+            gain = priced(replace(here, assumed=knocked), fit.path, span=span).value - own
             if gain > best:
                 best, found = gain, (knocked, f"knock of pendulum {i + 1} about {lattice.time[last]:.0f} s")
     if found is not None:
@@ -187,32 +188,27 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
 
 def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """What pays is added, the best first."""
-    found: list[Candidate] = []
+    trials: list[Trial] = []
     for _ in range(ROUNDS):
         fit = motion.pruned(simplified(fit))
-        tried = Tried(fit)
         base = fit.solution.log_likelihood
-        found = [each for each in candidates(fit) if each[0] > base - PAYS]
-        found = [each for each in found if each[0] < base + PAYS or tried.matters(each)]
-        found.sort(key=lambda each: -each[0])
-        taken = tried.taken([each for each in found if each[0] > base + PAYS])
+        trials = [Trial(fit, each) for each in candidates(fit) if each.value > base - PAYS]
+        trials = [each for each in trials if each.candidate.value < base + PAYS or each.matters]
+        trials.sort(key=lambda each: -each.candidate.value)
+        taken = _taken(fit, [each.candidate for each in trials if each.candidate.value > base + PAYS])
         if taken is None:
             break
         fit = motion.reshaped(_with_fade(taken))
-    return fit, [again for each in found if (again := tried.again(each)) is not None]
+    return fit, [again for each in trials if (again := each.again) is not None]
 
 
 def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidate]]:
     """The likeliest of a fit and those that differ from it by a size alone, and the others."""
-    alike = [each for each in close if sorted(each[1].words) == sorted(fit.model.words)]
-    best = max(alike, key=lambda each: each[0], default=None)
-    found = _fitted(fit, best) if best is not None and best[0] > fit.solution.log_likelihood else None
-    if found is None or found.solution.log_likelihood <= fit.solution.log_likelihood:
-        return fit, close
-    return found, [
-        *(each for each in close if each is not best),
-        (fit.solution.log_likelihood, fit.model, fit.solution),
-    ]
+    alike = [each for each in close if sorted(each.model.words) == sorted(fit.model.words)]
+    best = max(alike, key=lambda each: each.value, default=None)
+    ahead = best is not None and best.value > fit.solution.log_likelihood
+    found = likelier(fit, _fitted(fit, best)) if best is not None and ahead else fit
+    return (fit, close) if found is fit else (found, [*(each for each in close if each is not best), fit.candidate()])
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
@@ -227,81 +223,82 @@ def _rivals(fit: Fitted) -> list[Candidate]:
     for lean, name, kicked in leans:
         others = [each for each in _possible(lean) if each.name != name]
         for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
-            other = _fitted(lean, each) if each[0] > least - MUCH else None
+            other = _fitted(lean, each) if each.value > least - MUCH else None
             if other is not None and other.solution.log_likelihood > least:
-                found.append((other.solution.log_likelihood, other.model, other.solution))
+                found.append(other.candidate())
     return found
 
 
-class Tried:
-    """Candidates beside a fit, each fitted for itself; only what that says of gravity is kept, paths are large."""
+@dataclass(eq=False)
+class Trial:
+    """A candidate beside a fit, fitted for itself; only what that says of gravity is kept, paths are large."""
 
-    def __init__(self, fit: Fitted) -> None:
-        self.fit = fit
-        self._found: dict[int, tuple[Candidate, Candidate | None, float]] = {}
+    fit: Fitted
+    candidate: Candidate
 
-    def of(self, candidate: Candidate) -> tuple[Candidate | None, float]:
-        """A candidate as it is once fitted, None where it explains nothing; and what it leaves in doubt of gravity."""
-        if id(candidate) not in self._found:
-            found = _fitted(self.fit, candidate)
-            after = None if found is None else _as_candidate(candidate, found)
-            hidden = 0.0 if found is None else unresolved(found, found.model.assumed)[1]
-            self._found[id(candidate)] = candidate, after, hidden  # the first is held, that no other has its id
-        return self._found[id(candidate)][1:]
+    @cached_property
+    def after(self) -> tuple[Candidate | None, float]:
+        """The candidate once fitted, None where it explains nothing; and what it leaves in doubt of gravity."""
+        found = _fitted(self.fit, self.candidate)
+        if found is None:
+            return None, 0.0
+        return _priced_again(self.candidate, found), unresolved(found, found.model.assumed)[1]
 
-    def matters(self, candidate: Candidate) -> bool:
+    @property
+    def matters(self) -> bool:
         """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
-        fit = self.fit
-        if len(candidate[1].assumed.ship) == len(fit.model.assumed.ship):
+        fit, candidate = self.fit, self.candidate
+        if len(candidate.model.assumed.ship) == len(fit.model.assumed.ship):
             return True
-        if candidate[0] > fit.solution.log_likelihood + MUCH:
+        if candidate.value > fit.solution.log_likelihood + MUCH:
             return True
-        found, hidden = self.of(candidate)
+        found, hidden = self.after
         if found is None:
             return False
         duration = fit.model.problem.lattice.duration
-        (value, sigma), (other, wider) = (mean_gravity(each, duration) for each in (fit.solution, found[2]))
+        (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
         return abs(other - value) > HARMLESS * sigma or float(np.hypot(wider, hidden)) > (1.0 + HARMLESS) * sigma
 
-    def taken(self, ahead: list[Candidate]) -> Fitted | None:
-        """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
-        base = self.fit.solution.log_likelihood
-        for number, each in enumerate(ahead):
-            far_off = each[0] > base + VERY_MUCH  # the path that it was priced about
-            if far_off:  # the best of each kind
-                same = list({other[1].words[-1:]: other for other in reversed(ahead[number:])}.values())[::-1]
-            else:
-                same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
-            fits = [(one, found) for one in same if (found := _fitted(self.fit, one)) is not None]
-            if far_off:
-                fits = [(one, motion.reshaped(found)) for one, found in fits]
-            best = max(fits, key=lambda pair: _as_candidate(*pair)[0], default=None)
-            if best is not None and _as_candidate(*best)[0] > base + PAYS:
-                return best[1]
-        return None
-
-    def again(self, candidate: Candidate) -> Candidate | None:
+    @property
+    def again(self) -> Candidate | None:
         """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its path."""
-        more = candidate[1].assumed.ship[len(self.fit.model.assumed.ship) :]
+        more = self.candidate.model.assumed.ship[len(self.fit.model.assumed.ship) :]
         upright = any(each.axis == "vertical" for each in more)
-        if candidate[0] < self.fit.solution.log_likelihood and not upright:
-            return candidate
-        return self.of(candidate)[0]
+        behind = self.candidate.value < self.fit.solution.log_likelihood
+        return self.candidate if behind and not upright else self.after[0]
+
+
+def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
+    """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
+    base = fit.solution.log_likelihood
+    for number, each in enumerate(ahead):
+        far_off = each.value > base + VERY_MUCH  # the path that it was priced about
+        if far_off:  # the best of each kind
+            same = list({other.model.words[-1:]: other for other in reversed(ahead[number:])}.values())[::-1]
+        else:
+            same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
+        fits = [(one, found) for one in same if (found := _fitted(fit, one)) is not None]
+        if far_off:
+            fits = [(one, motion.reshaped(found)) for one, found in fits]
+        best = max(fits, key=lambda pair: _priced_again(*pair).value, default=None)
+        if best is not None and _priced_again(*best).value > base + PAYS:
+            return best[1]
+    return None
 
 
 def _of_scale(candidate: Candidate) -> bool:
     """Whether it adds a gain or a period."""
-    return candidate[1].constants[-1].kind in SCALES
+    return candidate.model.constants[-1].kind in SCALES
 
 
-def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
-    cost = candidate[2].log_likelihood - candidate[0]
-    return found.solution.log_likelihood - cost, found.model, found.solution
+def _priced_again(candidate: Candidate, found: Fitted) -> Candidate:
+    """A candidate that was fitted, at the price that it had."""
+    return found.candidate(candidate.solution.log_likelihood - candidate.value)
 
 
 def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
     """A candidate fitted anew; None where it cannot be, or a constant goes far beyond its prior."""
-    model = candidate[1]
+    model = candidate.model
     found = attempted(model, fit.path)
     if found is None:
         return None
@@ -324,7 +321,7 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     """
     duration = fit.model.problem.lattice.duration
     parts, alike = [], Counter(model.words for _, model, _ in close)
-    for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
+    for value, model, solution in (fit.candidate(), *close):
         mean, sigma = mean_gravity(solution, duration)
         shared = 0.0 if model is fit.model else float(np.log(alike[model.words]))
         more, doubt = unresolved(fit, model.assumed)

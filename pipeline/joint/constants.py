@@ -94,36 +94,21 @@ def solve(
     normal : (c + 1, c + 1) array
         Products of derivatives and errors, the errors last.
     log_deviations : float
-        Sum over the readings.
+        Sum over the readings, `count` of them.
     root : (c, c) array, optional
         Root of the priors' covariance where they are not independent.
     """
     if root is None:
         root = np.diag([each.prior for each in constants])
-    factor, whitened, squares = _reduced(constants, normal, root)
+    off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))
+    factor = np.linalg.cholesky(root.T @ normal[:-1, :-1] @ root + np.eye(off.size))  # in units of the priors
+    whitened = np.linalg.solve(factor, -(root.T @ normal[:-1, -1] + off))
+    squares = float(normal[-1, -1] + off @ off - whitened @ whitened)
     moved = root @ np.linalg.solve(factor.T, whitened)
     spread = np.linalg.solve(factor, root.T)
-    found = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
-    likelihood = _log_likelihood(factor, squares, log_deviations, count)
-    return Solution(found, moved, spread.T @ spread, likelihood, squares, int(count))
-
-
-def log_likelihood(constants: Constants, normal: Floats, log_deviations: float, count: float, root: Floats) -> float:
-    """That of the solution alone."""
-    factor, _, squares = _reduced(constants, normal, root)
-    return _log_likelihood(factor, squares, log_deviations, count)
-
-
-def _reduced(constants: Constants, normal: Floats, root: Floats) -> tuple[Floats, Floats, float]:
-    """Cholesky factor of the normal matrix in units of the priors, what is right of it, and the squares left."""
-    off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))
-    factor = np.linalg.cholesky(root.T @ normal[:-1, :-1] @ root + np.eye(off.size))
-    whitened = np.linalg.solve(factor, -(root.T @ normal[:-1, -1] + off))
-    return factor, whitened, float(normal[-1, -1] + off @ off - whitened @ whitened)
-
-
-def _log_likelihood(factor: Floats, squares: float, log_deviations: float, count: float) -> float:
-    return float(-log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi))
+    values = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
+    likelihood = -log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi)
+    return Solution(values, moved, spread.T @ spread, float(likelihood), squares, int(count))
 
 
 def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> Constants:

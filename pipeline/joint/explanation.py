@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,14 @@ class Model:
     course: Course | None = None
 
 
+class Candidate(NamedTuple):
+    """A model that was not fitted for itself yet."""
+
+    value: float  # Log-likelihood, less what its own parameters cost
+    model: Model
+    solution: Solution
+
+
 @dataclass(frozen=True)
 class Fitted:
     """An explanation with what it gives."""
@@ -43,8 +52,12 @@ class Fitted:
     doubt: float = 0.0
     """Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known."""
     bent: float = 0.0  # See `bend`, between the last two paths
-    spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
-    """Of the errors, once they are asked for; see `whiteness.errors_by_frequency`."""
+    spectra: dict[object, object] = field(default_factory=dict, init=False)
+    """Of the errors, once they are asked for; see `whiteness`."""
+
+    def candidate(self, cost: float = 0.0) -> Candidate:
+        """What it is worth beside others."""
+        return Candidate(self.solution.log_likelihood - cost, self.model, self.solution)
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""
@@ -190,9 +203,6 @@ def astray(model: Model, path: Floats, about: Floats) -> float:
     return worst
 
 
-Candidate = tuple[float, Model, Solution]
-
-
 def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
     """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
     root = prior_root(model.constants, model.course)
@@ -200,8 +210,8 @@ def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int]
     try:
         solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
     except np.linalg.LinAlgError:
-        return -np.inf, model, NO_SOLUTION
-    return solution.log_likelihood - cost, model, solution
+        return Candidate(-np.inf, model, NO_SOLUTION)
+    return Candidate(solution.log_likelihood - cost, model, solution)
 
 
 NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)

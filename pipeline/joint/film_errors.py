@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Constants, log_likelihood
+from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import prior_root
 from pipeline.joint.explanation import Fitted, angles, fitted
 
@@ -34,13 +34,8 @@ CORNERS = (0.2, 0.5, 5.0)  # of the highest frequency, from which the paper's sm
 def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
     """The fit to readings less the harmonics of each trace's own swing that they show beside the path.
 
-    The size of each harmonic is linear in the amplitude. Rounded readings err in steps, which are met elsewhere.
-
-    Parameters
-    ----------
-    fit : Fitted
-    tells_law : bool
-        Whether the law is open: a third harmonic beside which that of the sine's law counts, A^3/192, is left.
+    The size of each harmonic is linear in the amplitude. Rounded readings err in steps, which are met elsewhere. Where
+    the law is open, a third harmonic beside which that of the sine's law counts, A^3/192, is left: it tells the law.
     """
     problem, lattice, noise = fit.model.problem, fit.model.problem.lattice, fit.model.assumed.noise
     if problem.steps.any():
@@ -116,7 +111,7 @@ def with_clock(fit: Fitted) -> Fitted:
 
     def likelihood(constants: Constants) -> float:
         root = prior_root(constants, model.course)
-        return log_likelihood(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
+        return solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root).log_likelihood
 
     trials = [weighed(size, part * highest * np.pi / duration) for size, part in product(SIZES, CORNERS)]
     return fitted(replace(model, constants=max(trials, key=likelihood)), fit.path)

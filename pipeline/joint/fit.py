@@ -226,8 +226,7 @@ def weighed(
             f"'{second}' by {ahead:.1f} in log-likelihood, their gravities lie {apart:.0f} mGal apart; state restoring"
         )
     if ahead < CLOSE:
-        moved = fit.solution.log_likelihood - ahead
-        close = [*close, (moved, other.model, other.solution)]
+        close = [*close, other.candidate()._replace(value=fit.solution.log_likelihood - ahead)]
     return fit, close
 
 

@@ -40,8 +40,7 @@ class Gathered:
     """Readings and constants."""
 
     problem: Problem
-    pendulums: tuple[str, ...]
-    traces: tuple[str, ...]  # Labels
+    pendulums: tuple[str, ...]  # Labels
     constants: dict[str, Any]  # What /instrument states; see `pipeline.observation.instrument`.
     noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
     heave_noise: float
@@ -52,12 +51,6 @@ class Gathered:
     film: bool  # Whether the traces were read from a film, whose spots and optics err with the swing
     denser: Callable[[], Gathered]
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
-
-    @property
-    def law(self) -> str | None:
-        """Stated law of restoring."""
-        law = self.constants["restoring"]
-        return None if law is None else str(law)
 
 
 def gather(record: DataTree, *, calm: bool = True) -> Gathered:
@@ -155,7 +148,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
         labels,
-        traces,
         known,
         stated,
         white,

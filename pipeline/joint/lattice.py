@@ -73,15 +73,12 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
 
     Parameters
     ----------
-    time : (n,) array
-        Increasing, s.
+    time : (n,) array, s
     series : (t or t + 2, n) array
         Traces, then horizontal and vertical acceleration over reference gravity; NaN = missing.
     combination : (t, p) array
     frequency : float
-        Of the swing, rad s-1.
-    calm : bool
-        Whether nothing moves much faster than the swing.
+        Of the swing, rad s-1; `calm`: nothing moves much faster than it.
     """
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)

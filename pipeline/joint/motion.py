@@ -195,21 +195,19 @@ def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
 
 def pruned(fit: Fitted) -> Fitted:
     """Without components of the ship that the record is likelier without; a broad vertical one would hide gravity."""
-    shown = None
     for number in reversed(range(len(fit.model.assumed.ship))):
         model, ship = fit.model, fit.model.assumed.ship
         rest = (*ship[:number], *ship[number + 1 :])
         if not rest:
             break
-        shown = shown or Spectrum.of(fit)
-        if shown.gain(replace(model.assumed, ship=rest)) < -MISSED:
+        if Spectrum.of(fit).gain(replace(model.assumed, ship=rest)) < -MISSED:
             continue
         sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
         begin = sum(sizes[: number + 1])
         path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
         begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
-        fit, shown = likelier(fit, attempted(trial, path, most=1)), None
+        fit = likelier(fit, attempted(trial, path, most=1))
     return fit
 
 

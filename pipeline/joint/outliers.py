@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import apparatus, explanation
+from pipeline.joint import apparatus
 from pipeline.joint.constants import Constants
-from pipeline.joint.explanation import attempted, grown, shifted
+from pipeline.joint.explanation import Fitted, Model, attempted, grown, priced, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
 
@@ -36,7 +36,7 @@ def deviation(errors: Floats) -> float:
     return max(float(np.quantile(known, 0.25)) / 0.3186, 1.0) if known.size else 1.0
 
 
-def isolated(rough: explanation.Fitted) -> bool:
+def isolated(rough: Fitted) -> bool:
     """Whether single readings lie far off between neighbours that do not: no motion of a ship does that."""
     for own in rough.model.problem.lattice.of_trace:
         errors = np.abs(rough.of.errors[own])
@@ -54,23 +54,23 @@ def smoothed(
     about: Floats,
     first_gate: float = COARSE_GATE,
     most: int = MOST_FITS,
-) -> explanation.Fitted:
+) -> Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
     for _ in range(most):
         about = grown(about, problem.pendulums, assumed.ship) if about.size else about
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = explanation.Model((), assumed, constants, problem, assumed.ship)
+        model = Model((), assumed, constants, problem, assumed.ship)
         kept = contested(model, about, of.errors, gate) if most > 1 else model
-        fit = explanation.Fitted(kept, solution, about, of, before)
+        fit = Fitted(kept, solution, about, of, before)
         if kept is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
         problem, assumed, constants = kept.problem, kept.assumed, kept.constants
     return fit
 
 
-def contested(model: explanation.Model, path: Floats, errors: Floats, gate: float) -> explanation.Model:
+def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
     """What to make of prediction errors over a gate: rejected, a knock, a step of a zero or of the clock, or nothing.
 
     Single readings are rejected; of several together the likelihood of the seconds about them decides.
@@ -119,7 +119,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         for some, each, more in options:
             trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
             cost = BROKEN * (each is not assumed) + STEPPED * (len(more) - len(stepped))
-            worth.append(explanation.priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span)[0])
+            worth.append(priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span).value)
         rejected, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(rejected) > MOST_REJECTED:
         rejected, assumed = lone, model.assumed
@@ -129,14 +129,14 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
 
 
-def reconsidered(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
+def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
     """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
     path = grown(begun.path, problem.pendulums, model.assumed.ship)
     for node in {node for node, _ in model.assumed.breaks}:
         span = stretch(problem, node, node)
         here = replace(model, constants=shifted(model.constants, path, span[0]))
         whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
-        values = [explanation.priced(replace(here, assumed=each), path, span=span)[0] for each in (here.assumed, whole)]
+        values = [priced(replace(here, assumed=each), path, span=span).value for each in (here.assumed, whole)]
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
     model = replace(model, problem=problem)
@@ -148,13 +148,13 @@ def reconsidered(model: explanation.Model, begun: explanation.Fitted, problem: P
     return better(model, begun)
 
 
-def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
+def better(model: Model, fit: Fitted) -> Fitted:
     """A model fitted about the path of a fit, or that fit where it stands higher."""
     found = attempted(model, fit.path)
     return fit if found is None else max(found, fit, key=standing)
 
 
-def standing(fit: explanation.Fitted) -> float:
+def standing(fit: Fitted) -> float:
     """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
     return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
 

@@ -200,7 +200,7 @@ class Problem:
         about : (k, d) array
             Path about which the flow is linearised.
         gate : float
-            Readings farther off are left out, in deviations; 0: none.
+            Readings so many deviations off are left out; 0: none.
         root : (c, c) array, optional
             Root of the priors' covariance where they are not independent.
 
@@ -212,7 +212,7 @@ class Problem:
         begin, end = (0, self.lattice.nodes) if span is None else span
         task, of = self._task(assumed, constants, about, gate)
         _go(task, begin, end, of, NOTHING_KEPT)
-        return self._solution(task.readings, of, constants, root, begin, end), of
+        return self._solution(task.readings, of, constants, root, slice(begin, end)), of
 
     def fit(
         self,
@@ -224,13 +224,7 @@ class Problem:
         root: Floats | None = None,
         smooth: bool = True,
     ) -> tuple[Solution, passes.Pass, Floats]:
-        """The same of the whole record, with prediction errors at the solution and smoothed path, (k, d).
-
-        Parameters
-        ----------
-        smooth : bool
-            False: the path is `about`.
-        """
+        """The same of the whole record, with errors at the solution, and the smoothed path, (k, d), or `about`."""
         task, of = self._task(assumed, constants, about, gate)
         nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
@@ -242,7 +236,7 @@ class Problem:
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
             _go(task, begin, min(begin + stretch, nodes), of, keep if len(begins) == 1 else NOTHING_KEPT)
-        solution = self._solution(task.readings, of, constants, root, 0, nodes)
+        solution = self._solution(task.readings, of, constants, root, slice(0, nodes))
         change = np.append(solution.step, 1.0)
         pushed = change[np.append(task.columns.forced, -1)]
         adjoint, path = np.zeros(size), np.zeros((nodes if smooth else 0, size), dtype=np.float32)
@@ -296,18 +290,12 @@ class Problem:
         return task, passes.Pass(state, covariance, *sums, errors, whitened, scale)
 
     def _solution(
-        self,
-        readings: passes.Readings,
-        of: passes.Pass,
-        constants: Constants,
-        root: Floats | None,
-        begin: int,
-        end: int,
+        self, readings: passes.Readings, of: passes.Pass, constants: Constants, root: Floats | None, span: slice
     ) -> Solution:
-        """What a pass says of the constants."""
+        """What a pass over some nodes says of the constants."""
         gain, cubic = self.gain(constants), self.cubic(constants)
         if np.any(gain) or cubic:  # readings were divided by the trace's slope: their density is that of what was read
-            some = slice(readings.first[begin], readings.first[end])
+            some = slice(readings.first[span.start], readings.first[span.stop])
             used = np.isfinite(readings.variance[some])
             trace, value = readings.trace[some][used], readings.value[some][used]
             of.totals[0] += np.sum(np.log1p(gain[trace]) + np.log1p(3.0 * cubic * value**2 * (trace < self.traces)))

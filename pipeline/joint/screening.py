@@ -25,16 +25,9 @@ SWAYS, HALF = 3.0, 0.5  # of the doubt of its mean; of what a trace should share
 
 
 def refuse_wrong_units(time: Floats, series: Floats, heave: Floats | None, frequency: float, gravity: float) -> None:
-    """Refuse elongations, times or accelerations in other units than theirs.
+    """Refuse times, (n,) s, elongations, (t, n) rad, or heave, (n,) m s-2, in other units than theirs.
 
-    Parameters
-    ----------
-    time : (n,) array
-    series : (t, n) array
-    heave : (n,) array, optional
-        m s-2.
-    frequency, gravity : float
-        rad s-1; m s-2, at which it holds.
+    `frequency`: of the swing, rad s-1, at this gravity, m s-2.
     """
     if not GRAVITIES[0] < gravity < GRAVITIES[1]:
         raise RefusedError(f"instrument/reference_gravity: {gravity:g} m s-2 is no planet's; give m s-2")
@@ -113,7 +106,7 @@ def without_copies(series: Floats) -> Floats:
     out = series.copy()
     for i in range(len(series)):
         for j in range(i):
-            for begin, end in _runs(series[i] == series[j]):
+            for begin, end in _runs(np.equal(series[i], series[j])):
                 if end - begin >= COPIED and np.ptp(series[i, begin:end]) > 0.0:
                     out[[i, j], begin:end] = np.nan
     if np.isfinite(series).any() and not np.isfinite(out).any():

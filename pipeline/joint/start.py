@@ -69,7 +69,8 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     LinAlgError
         No law follows the readings.
     """
-    laws = [gathered.law != "linear"] if gathered.law else [True, False]
+    stated = gathered.constants["restoring"]
+    laws = [stated != "linear"] if stated else [True, False]
     begun = [Begun.of(gathered, sine=sine) for sine in laws]
     fits = [_likeliest(_plain(each) for each in own) for own in begun]
     if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others

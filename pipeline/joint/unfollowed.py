@@ -37,14 +37,8 @@ INDEPENDENT = 10.0  # s, after which a swell's square is another one
 def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
     """Gravity over itself that is to be added for vertical motion not followed, and its 1 sigma.
 
-    Its spectrum is that assumed, less what its sidebands beside the swing show above noise and horizontal motion.
-
-    Parameters
-    ----------
-    fit : Fitted
-        Whose swing and sampling count.
-    assumed : Assumed
-        Ship and noise.
+    Its spectrum is that assumed, less what its sidebands beside the swing of a fit show above noise and horizontal
+    motion.
     """
     problem = fit.model.problem
     upright = [each for each in assumed.ship if each.axis == "vertical"]
@@ -105,11 +99,7 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
 
     The likeliest path fades in a gap, or goes on with a motion that is not the ship's. The mean square outside tells
     what it is there, but for its scatter; a fit with that as a known change of gravity, how much gets into the mean.
-
-    Parameters
-    ----------
-    gravity : (c,) array
-        Row that gives gravity from the constants.
+    `gravity`: row that gives gravity from the constants, (c,).
     """
     problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
     if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:

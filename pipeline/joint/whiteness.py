@@ -7,10 +7,10 @@ in all of the record, through gaps. Whittle's likelihood of that ratio moves all
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, get_args
+from functools import cached_property, wraps
+from typing import Any, TypeVar, cast, get_args
 
 import numpy as np
 
@@ -35,20 +35,29 @@ UNKNOWN, UNKNOWN_SPREAD = 1e-4, 3.0  # rad; the same of one that is not stated
 STEP, MOST_STEP = 1e-5, 1.0  # of a logarithm: for its slope; at once
 ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
+Result = TypeVar("Result")
 _FIELDS = ("power", "weight", "centre", "trace", "step", "frequency", "bins", "kicked", *get_args(Axis))
 
 
+def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
+    """A function of a fit whose results are kept with it."""
+
+    @wraps(function)
+    def known(fit: Fitted, *arguments: Any, **named: Any) -> Result:
+        key = function.__qualname__, arguments, tuple(named.items())
+        if key not in fit.spectra:
+            fit.spectra[key] = function(fit, *arguments, **named)
+        return cast(Result, fit.spectra[key])
+
+    return known
+
+
+@_kept
 def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and their samples.
 
-    Empty where they are few. Under a taper, a power of a sine: lines leak without. Kept with the fit.
+    Empty where they are few. Under a taper, a power of a sine: lines leak without.
     """
-    if (trace, taper) not in fit.spectra:
-        fit.spectra[trace, taper] = _errors_by_frequency(fit, trace, taper)
-    return fit.spectra[trace, taper]
-
-
-def _errors_by_frequency(fit: Fitted, trace: int, taper: int) -> tuple[Floats, Floats, np.ndarray]:
     from scipy.fft import next_fast_len, rfft
 
     lattice = fit.model.problem.lattice
@@ -169,6 +178,7 @@ class Spectrum:
     _units: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
     @staticmethod
+    @_kept
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Spectrum:
         """The errors but those so near the swing, relative to it; finer bins about lines, also of some not assumed."""
         problem, assumed = fit.model.problem, fit.model.assumed
@@ -231,14 +241,8 @@ class Spectrum:
     def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
         """Ship and noise where the errors are likeliest, and by how much, in log-likelihood.
 
-        Scoring on the logarithms of all parameters, or on those of the last component.
-
-        Parameters
-        ----------
-        start : Assumed
-            They keep to it; a noise that is NaN is sought from nothing.
-        loose : float
-            By how much less widths and sizes keep to it than they would to a fit.
+        Scoring on the logarithms of all parameters, or on those of the last component. They keep to the start, widths
+        and sizes `loose` times less than they would to a fit; a noise that is NaN is sought from nothing.
         """
         ship, count = start.ship, start.noise.size - 2
         places = np.cumsum([0, *(parameters((each,)).size for each in ship)])

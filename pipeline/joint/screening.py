@@ -106,7 +106,7 @@ def without_copies(series: Floats) -> Floats:
     out = series.copy()
     for i in range(len(series)):
         for j in range(i):
-            for begin, end in _runs(np.equal(series[i], series[j])):
+            for begin, end in _runs(np.asarray(series[i] == series[j])):
                 if end - begin >= COPIED and np.ptp(series[i, begin:end]) > 0.0:
                     out[[i, j], begin:end] = np.nan
     if np.isfinite(series).any() and not np.isfinite(out).any():

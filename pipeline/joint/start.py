@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,32 +30,20 @@ CAPTURE = 0.02  # of gravity, from the reference
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
 
 
-@dataclass(frozen=True)
-class Begun:
-    """A law with its cold start."""
-
-    gathered: Gathered
-    assumed: Assumed
-    first: Constants  # With their priors
-    rough: Fitted
-
-    @staticmethod
-    def of(gathered: Gathered, *, sine: bool) -> list[Begun]:
-        """Follow the swing from a cold start; and the one that even, sparse times show as well."""
-        problem = gathered.problem
-        stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-        noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
-        ship: tuple[Component, ...] = GENEROUS
-        if problem.leaves_heave_open(sine):
-            ship = (*ship, replace(GENEROUS[0], axis="vertical"))
-        if gathered.tilts:
-            ship = (*ship, replace(GENEROUS[0], axis="tilt"))
-        assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
-        first = _first_constants(gathered)
-        rough = _cold_start(problem, assumed, first)
-        others = _mirrored(rough)
-        found = [_again(rough), *others] if others else [rough]
-        return [Begun(gathered, assumed, first, each) for each in found]
+def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
+    """Follow the swing under a law from a cold start; and the one that even, sparse times show as well."""
+    problem = gathered.problem
+    stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
+    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+    ship: tuple[Component, ...] = GENEROUS
+    if problem.leaves_heave_open(sine):
+        ship = (*ship, replace(GENEROUS[0], axis="vertical"))
+    if gathered.tilts:
+        ship = (*ship, replace(GENEROUS[0], axis="tilt"))
+    assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
+    rough = _cold_start(problem, assumed, _first_constants(gathered))
+    others = _mirrored(rough)
+    return [_again(rough), *others] if others else [rough]
 
 
 def first_fits(gathered: Gathered) -> list[Fitted]:
@@ -71,10 +59,12 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     """
     stated = gathered.constants["restoring"]
     laws = [stated != "linear"] if stated else [True, False]
-    begun = [Begun.of(gathered, sine=sine) for sine in laws]
-    fits = [_likeliest(_plain(each) for each in own) for own in begun]
+    rough = [cold_starts(gathered, sine=sine) for sine in laws]
+    fits = [_likeliest(_plain(gathered, each) for each in own) for own in rough]
     if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
-        fits = [fit or _likeliest(_robust(each) for each in own) for fit, own in zip(fits, begun, strict=True)]
+        fits = [
+            fit or _likeliest(_robust(gathered, each) for each in own) for fit, own in zip(fits, rough, strict=True)
+        ]
     found = [_with_difference(fit) for fit in fits if fit is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
@@ -190,28 +180,26 @@ def _mirrored(rough: Fitted) -> list[Fitted]:
     return [smoothed(model.problem, model.assumed, constants, NO_PATH)]
 
 
-def _plain(begun: Begun) -> Fitted | None:
+def _plain(gathered: Gathered, rough: Fitted) -> Fitted | None:
     """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
-    if isolated(begun.rough):
+    if isolated(rough):
         return None
-    model = begun.rough.model
-    constants = _freed(model.constants, begun.first)[: len(begun.first)]
-    assumed = replace(model.assumed, breaks=())
-    model = replace(model, problem=begun.gathered.problem, constants=constants, assumed=assumed)
-    fits = _level_or_heaving(_spectral(model, begun.rough, begun.gathered), begun.rough)
+    model, first = rough.model, _first_constants(gathered)
+    constants, assumed = _freed(model.constants, first)[: len(first)], replace(model.assumed, breaks=())
+    model = replace(model, problem=gathered.problem, constants=constants, assumed=assumed)
+    fits = _level_or_heaving(_spectral(model, rough, gathered), rough)
     return fits[0] if fits is not None and np.nanmax(np.abs(fits[1].of.whitened)) < GATE else None
 
 
-def _robust(begun: Begun) -> Fitted | None:
+def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
     """Without outliers, the pendulums knocked where they were. None where that cannot be followed."""
-    rough, problem = _again(begun.rough), begun.gathered.problem
-    model = replace(rough.model, constants=_freed(rough.model.constants, begun.first))
-    model = _spectral(model, rough, begun.gathered)
+    rough, problem, none = _again(rough), gathered.problem, np.zeros(gathered.problem.pendulums)
+    model = replace(rough.model, constants=_freed(rough.model.constants, _first_constants(gathered)))
+    model = _spectral(model, rough, gathered)
     open_heave = model.problem.leaves_heave_open(model.assumed.sine)
     ship = (motion.heaving(rough, model.assumed) if open_heave else model.assumed).ship
     # pendulums that wander: friction, or gravity that changes, is not to be taken for outliers
-    wandering = replace(model.assumed, ship=ship, kick=begun.assumed.kick + KICK)
-    best = rough
+    wandering, best = replace(model.assumed, ship=ship, kick=none + KICK), rough
     try:
         best = smoothed(model.problem, wandering, model.constants, rough.path)
         best = reconsidered(replace(best.model, begun=ship), best, problem)
@@ -219,7 +207,7 @@ def _robust(begun: Begun) -> Fitted | None:
     except np.linalg.LinAlgError:
         best = rough
     ship = tuple(each for each in model.assumed.ship if each.axis != "vertical")
-    level = replace(model.assumed, kick=begun.assumed.kick, ship=ship)
+    level = replace(model.assumed, kick=none, ship=ship)
     fits = _level_or_heaving(replace(model, assumed=level, begun=ship), best)
     return None if fits is None else motion.reshaped(reconsidered(fits[0].model, fits[0], problem))
 

@@ -13,7 +13,7 @@ from pipeline.joint import choice, course, fit, lattice, motion
 from pipeline.joint.explanation import Fitted, fitted, grown, shifted
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine, Sea
-from pipeline.joint.start import Begun
+from pipeline.joint.start import cold_starts
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import Spectrum, errors_by_frequency
 
@@ -98,11 +98,11 @@ def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> 
 
 def test_first_ship_of_a_rough_fit_is_nearly_the_last(gathered: Gathered, settled: Fitted) -> None:
     """The likelihood of the first guess lies closer to the last than to that of the generous ship it began with."""
-    begun = Begun.of(gathered, sine=True)[0]
+    rough = cold_starts(gathered, sine=True)[0]
     sought = np.append(np.full(2, np.nan), settled.model.assumed.noise[-2:])
-    found = motion.first(begun.rough, sought)
+    found = motion.first(rough, sought)
     assert found.noise[:2] == pytest.approx(settled.model.assumed.noise[:2], rel=0.3)
-    ships = (found.ship, begun.rough.model.assumed.ship)
+    ships = (found.ship, rough.model.assumed.ship)
     values = [with_ship(settled, ship).solution.log_likelihood for ship in ships]
     best = settled.solution.log_likelihood
     assert best - values[0] < 0.2 * (best - values[1])

@@ -3,6 +3,8 @@ far off, rounding."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from data_schemas.errors import RefusedError
@@ -89,7 +91,7 @@ def _slow(time: Floats, series: Floats, frequency: float) -> Floats:
     return np.where(enough, [fit[..., 0], np.sqrt(left) / np.maximum(count, 1.0)], np.nan)
 
 
-def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
+def _runs(flags: Any) -> list[tuple[int, int]]:
     """First place of each run of true values, and the one behind its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
@@ -106,7 +108,7 @@ def without_copies(series: Floats) -> Floats:
     out = series.copy()
     for i in range(len(series)):
         for j in range(i):
-            for begin, end in _runs(np.asarray(series[i] == series[j])):
+            for begin, end in _runs(series[i] == series[j]):
                 if end - begin >= COPIED and np.ptp(series[i, begin:end]) > 0.0:
                     out[[i, j], begin:end] = np.nan
     if np.isfinite(series).any() and not np.isfinite(out).any():

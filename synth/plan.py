@@ -65,7 +65,7 @@ class Plan:
         """What to know of a yielding support's start before believing the motion, or None."""
         if self.scene.support.kind == "fixed":
             return None
-        from synth.systems.symmetry import CAUTION, symmetric
+        from synth.systems.starts import CAUTION, symmetric
 
         equations = self.assembly()
         return CAUTION if symmetric(equations.system, equations.start) else None
@@ -104,7 +104,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
             raise SceneError(str(refusal)) from None
 
     def fastest() -> float:
-        from synth.systems.rates import fastest_rate  # only here: it brings numba
+        from synth.systems.starts import fastest_rate  # only here: it brings numba
 
         equations = assembly()
         return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)

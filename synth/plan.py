@@ -15,8 +15,7 @@ from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMot
 from synth.choice import NAMES, Choice, choose, needs
 from synth.kicks import Kicks, kicks
 from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
-from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
-from synth.motion.sea import sea
+from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant, sea
 from synth.motion.tabulated import tabulated
 from synth.pendulums.linear import Response, respond
 from synth.propagators.times import EvenTimes, UnevenTimes

@@ -218,7 +218,7 @@ class _Reader:
     def contents(self) -> Contents:
         groups = self._found.groups
         contents = {group.path: Group(self._attributes(group, group.path or "root")) for group in groups}
-        for one, name, dims in _named(self._found):
+        for one, name, dims in list(_named(self._found)):  # all first: values push metadata out of HDF5's cache
             where, array, variables = key(one.path, name), one.id, contents[one.path].variables
             if name in variables:
                 raise FileError(f"{where}: is there twice; keep one")

@@ -209,7 +209,7 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1].tolist()
     plain = plain_emulsion(scan)
     # turning points of slow films are saturated: their darkest pixels suggest the curve's end
-    darkest = [np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE) for first in firsts]
+    darkest = [float(np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE)) for first in firsts]
     least, blank = 3.0 * float(np.sqrt(plain.grain[0])), float(plain.grain[0])
     emulsion = replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
     found = survey(scan, emulsion, count)

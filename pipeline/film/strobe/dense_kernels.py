@@ -64,13 +64,13 @@ def first_shapes(light: Floats, column: Floats, first: int, middles: Floats, per
     trust = np.where((shown > DARK * usual) & (usual > 0.0), 1.0, 0.0)
     value = np.nan_to_num(column[at])
     level = np.sum(trust * value, axis=1) / np.maximum(trust.sum(axis=1), 1.0)
-    value -= level[:, None]
     design = np.moveaxis(values(np.eye(SIZE)[:, None, None], at + first + 0.5 - middles[:, None], period)[0], 0, -1)
     shapes, weight = np.empty(0), trust
     for _ in range(ROUNDS):
         weighed = np.swapaxes(design * weight[:, :, None], 1, 2)
-        shapes = np.linalg.solve(weighed @ design + np.diag((NOISE / FREEDOM) ** 2), weighed @ value[:, :, None])
-        distance = np.abs((design @ shapes)[:, :, 0] - value)
+        normal = weighed @ design + np.diag((NOISE / FREEDOM) ** 2)
+        shapes = np.linalg.solve(normal, weighed @ (value - level[:, None])[:, :, None])
+        distance = np.abs((design @ shapes)[:, :, 0] - value + level[:, None])
         limit = FARTHEST_LIGHT * np.maximum(1.4826 * np.median(distance, axis=1), NOISE)[:, None]
         weight = trust * np.minimum(1.0, limit / np.maximum(distance, 1e-9)) ** 2
     shapes = shapes[:, :, 0]

@@ -208,6 +208,6 @@ def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: 
     """Where a trace was followed on some rows without being read for long it is lost: course NaN, in place."""
     size = 2 * max(4, round(LOST_SWINGS * period)) + 1
     lost = ~np.isfinite(course) | ~maximum_filter1d(np.isfinite(position), size, mode="constant")
-    lost[: some.start], lost[some.stop :] = False, False
+    lost[..., : some.start], lost[..., some.stop :] = False, False
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]

@@ -102,7 +102,7 @@ def start(swings: Sequence[Swing], row: float) -> Filter:
 
 def run(
     begun: Filter, darkness: NDArray[np.float32], first: int, order: int, optics: Optics,
-    begins: NDArray[np.int64] | None = None, lines: Floats | None = None,
+    begins: NDArray[np.int64] | None = None, lines: Floats = NO_LINES,
 ) -> Piece:  # fmt: skip
     """Follow all traces over a piece of film, along it (order 1) or against it (-1).
 
@@ -111,18 +111,17 @@ def run(
     """
     piece = Piece.empty(begun.alive.size, darkness.shape[0])
     begins = np.full(begun.alive.size, -1) if begins is None else begins
-    _follow(darkness, first, order, begun, begins, NO_LINES if lines is None else lines, optics.lens(), piece)
+    _follow(darkness, first, order, begun, begins, lines, optics.lens(), piece)
     return piece
 
 
 def replay(
-    begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics,
-    lines: Floats | None = None,
-) -> Piece:  # fmt: skip
+    begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics, lines: Floats
+) -> Piece:
     """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
     piece = Piece.empty(*place.shape)
     piece.place[:], piece.variance[:], piece.followed[:] = place, variance, followed
-    _replay(begun, NO_LINES if lines is None else lines, optics.spot, optics.shear, piece)
+    _replay(begun, lines, optics.spot, optics.shear, piece)
     return piece
 
 

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, clumps_of, plain_emulsion, shown_darkness
@@ -133,15 +133,13 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         if again is None or len(again.swings) < len(section.swings):
             again = follow_from(section.swings, section.darkness, section.first, section.begin, optics, 1.0)
         section = again
-        if (fixed and turn == 1) or _alike(before, optics):
+        shape, shape_before = (
+            np.log([each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast]) for each in (optics, before)
+        )
+        settled = np.abs(shape - shape_before).max() < ALIKE and abs(optics.shear - before.shear) < 1e-5
+        if settled or (fixed and turn == 1):
             break
     return section, optics
-
-
-def _alike(one: Optics, other: Optics) -> bool:
-    """Whether two differ by less than what moves a reading."""
-    shapes = [(each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast) for each in (one, other)]
-    return bool(np.abs(np.log(shapes[0]) - np.log(shapes[1])).max() < ALIKE and abs(one.shear - other.shear) < 1e-5)
 
 
 def _read_askew(
@@ -251,15 +249,13 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
         order = np.argsort(lean)
         each[order] /= np.maximum(median_filter(each[order], ALIKE_ROWS), 0.1)
     doubtful = ~np.isfinite(section.place) | (share < LACKING)
-    near = np.stack([np.convolve(each, np.ones(2 * NEAR_GAP + 1), mode="same") > 0.5 for each in doubtful])
+    near = maximum_filter1d(doubtful, 2 * NEAR_GAP + 1, mode="constant")
     reach = spot * (6.0 + 5.0 * np.abs(slope))
     rows = []
     for k in range(len(place)):
-        clear = ~near[k]
-        for other in range(len(place)):
-            if other != k:
-                clear &= ~near[other] | (np.abs(place[k] - place[other]) > reach[k] + reach[other])
-        chosen = np.flatnonzero(clear)
+        apart = ~near | (np.abs(place - place[k]) > reach + reach[k])
+        apart[k] = ~near[k]
+        chosen = np.flatnonzero(apart.all(axis=0))
         rows.append(chosen[np.linspace(0, chosen.size - 1, min(chosen.size, MOST_ROWS)).astype(int)])
     at, traces = np.concatenate(rows), np.repeat(np.arange(len(rows)), [each.size for each in rows])
     light = np.where(np.isfinite(section.states[at, :, 0]), lamp[:, at].T, 0.0)

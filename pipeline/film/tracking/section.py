@@ -84,7 +84,7 @@ def _follow_together(
             continue
         begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
         pieces = sorted(pieces, key=lambda piece: float(piece.states[begin, 0, 0]))
-        swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy(), 1.0) for piece in pieces]
+        swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy()) for piece in pieces]
         section = follow_from(swings, darkness, first, begin, optics, 0.5 * together.sum())
         if section.share.min() >= least:
             return section
@@ -98,23 +98,21 @@ def follow_from(
     """Follow swings given at row `begin` both ways through a section; fewer rows than `least` count as so many."""
     begun = start(swings, first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
-    _turn(begun)
-    backward = run(begun, darkness, first, -1, optics)
-    _turn(begun)
-    forward = run(begun, darkness, first, 1, optics)
+    backward, forward = (run(_turned(begun), darkness, first, order, optics) for order in (-1, 1))
     course = combined(forward, backward, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
     used = np.isfinite(backward.variance) & known
     place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
     share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
-    there = tuple(Swing(first + begin + 0.5, state.copy(), 1.0) for state in states[begin])
+    there = tuple(Swing(first + begin + 0.5, state.copy()) for state in states[begin])
     return Section(first, begin, darkness, there, states, place, light, share)
 
 
-def _turn(begun: Filter) -> None:
-    """Start again at the end of a piece, from where the traces are."""
+def _turned(begun: Filter) -> Filter:
+    """The filter at the end of a piece, started again from where the traces are."""
     for k in np.flatnonzero(begun.alive):
         begun.restart(int(k), begun.states[k].copy(), float(begun.lamp[k]))
+    return begun
 
 
 def _prove(
@@ -122,12 +120,12 @@ def _prove(
 ) -> tuple[float, Piece] | None:
     """Follow a seed beside the traces that are known already: rows in a swing, and the piece; None if it is none."""
     begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
-    beside = [Swing(first + begin + 0.5, piece.states[begin, 0], 1.0) for piece in others if piece.followed[0, begin]]
+    beside = [Swing(first + begin + 0.5, piece.states[begin, 0]) for piece in others if piece.followed[0, begin]]
     begun = start([seed, *beside], first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
     begins = None
     if begun.alive[0]:
-        _turn(begun)
+        _turned(begun)
     else:  # lost on the way, or the trace ends: back from where the seed was, to a row
         begun = start([seed, *beside], first + begin - 0.5)
         begins = np.full(begun.alive.size, begin)
@@ -138,37 +136,37 @@ def _prove(
     if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
         return None
     at = int(np.flatnonzero(followed)[followed.sum() // 2])
-    swing = Swing(first + at + 0.5, piece.states[at, 0], 1.0)
+    swing = Swing(first + at + 0.5, piece.states[at, 0])
     if swing.amplitude < LEAST_AMPLITUDE * optics.spot or abs(swing.period / seed.period - 1.0) > 2.0 * PERIOD_SLACK:
         return None
     return swing.period, piece
 
 
+def _apart(piece: Piece, rows: NDArray[np.int64], column: Floats) -> float:
+    """How far columns lie from the course of a piece on some rows, across the line, px."""
+    course, slope = place_and_rate(piece.states[rows, 0])
+    return float(np.median(np.abs(course - column) / np.sqrt(1.0 + slope**2)))
+
+
 def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
     """Whether a seed lies on a trace that was followed."""
-    middle = round(seed.row - first - 0.5)
-    half = int(0.5 * seed.period)
-    rows = np.arange(max(0, middle - half), min(piece.followed.shape[1], middle + half + 1))
-    rows = rows[piece.followed[0, rows] > 0]
-    if rows.size < 0.5 * half:
-        return False
-    course, slope = place_and_rate(piece.states[rows, 0])
-    away = np.abs(course - seed.column(first + rows + 0.5)) / np.sqrt(1.0 + slope**2)
-    return bool(np.median(away) < SAME * spot)
+    middle, half = round(seed.row - first - 0.5), int(0.5 * seed.period)
+    rows = np.flatnonzero(piece.followed[0])
+    rows = rows[np.abs(rows - middle) <= half]
+    return rows.size >= 0.5 * half and _apart(piece, rows, seed.column(first + rows + 0.5)) < SAME * spot
 
 
 def _coincide(one: Piece, other: Piece, spot: float) -> bool:
     """Whether two pieces follow one trace for a good part of their way."""
     rows = np.flatnonzero((one.followed[0] > 0) & (other.followed[0] > 0))
-    (a, slope), (b, _) = place_and_rate(one.states[rows, 0]), place_and_rate(other.states[rows, 0])
-    return bool(np.count_nonzero(np.abs(a - b) < spot * np.sqrt(1.0 + slope**2)) > 0.5 * rows.size)
+    return rows.size > 0 and _apart(one, rows, place_and_rate(other.states[rows, 0])[0]) < spot
 
 
-def match(section: Section, last: Last) -> list[int] | None:
-    """Trace number of each swing of the section, -1 for a swing that is none of them; None if that is not certain."""
+def match(section: Section, last: Last) -> list[int]:
+    """Trace number of each swing of the section, -1 for a swing that is none of them; none if that is not certain."""
     traces, names = len(section.swings), len(last)
     if max(traces, names) > MOST_TRACES:
-        return None
+        return []
     size = min(traces, names)
     cost = sorted(
         (_cost(section, chosen, named, last), chosen, named)
@@ -176,7 +174,7 @@ def match(section: Section, last: Last) -> list[int] | None:
         for named in combinations(range(names), size)
     )
     if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
-        return None
+        return []
     names_of = dict(zip(cost[0][1], cost[0][2], strict=True))
     return [names_of.get(place, -1) for place in range(traces)]
 

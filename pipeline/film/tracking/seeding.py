@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +36,7 @@ class Swing:
 
     row: float  # where the state holds, px from the edge of the film
     state: Floats  # (6,), see `motion`
-    share: float  # part of the way that lies on dark paper
+    share: float = 1.0  # part of the way that lies on dark paper
 
     @property
     def amplitude(self) -> float:
@@ -51,7 +50,7 @@ class Swing:
 
     def column(self, row: Floats) -> Floats:
         """Place at some rows, px."""
-        return _columns(self.row, self.state, row)[0]
+        return columns(self.row, self.state, row)[0]
 
     def at(self, row: float) -> Floats:
         """State at another row."""
@@ -75,28 +74,21 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
     swings = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
     swings.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
     rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
-    free = np.ones(len(swings), dtype=bool)
+    free = np.arange(len(swings))
     kept: list[Swing] = []
-    while free.any() and len(kept) < MOST_KEPT:
-        best = int(np.argmax(free))
-        free[best] = False
-        kept.append(swings[best])
-        rest = np.flatnonzero(free)
-        free[rest] = ~_same_trace(swings[best], rows[rest], states[rest], spot)
+    while free.size and len(kept) < MOST_KEPT:
+        best, free = swings[free[0]], free[1:]
+        kept.append(best)
+        # others that follow one line with it for a period about the middle between them are the same trace
+        period = np.minimum(best.period, 2.0 * np.pi / states[free, 5:])
+        at = 0.5 * (best.row + rows[free, None]) + np.linspace(-0.5, 0.5, 25) * period
+        own, slope = columns(best.row, best.state[:, None, None], at)
+        other, _ = columns(rows[free, None], states[free].T[:, :, None], at)
+        free = free[np.median(np.abs(own - other) / np.sqrt(1.0 + slope**2), axis=1) >= SAME * spot]
     return kept
 
 
-def _same_trace(one: Swing, rows: Floats, states: Floats, spot: float) -> NDArray[np.bool_]:
-    """Which of other swings follow one line with `one` for a period about the middle between them."""
-    middle = 0.5 * (one.row + rows)
-    period = np.minimum(one.period, 2.0 * np.pi / states[:, 5])
-    at = middle[:, None] + np.linspace(-0.5, 0.5, 25) * period[:, None]
-    own, slope = _columns(one.row, one.state[:, None, None], at)
-    other, _ = _columns(rows[:, None], states.T[:, :, None], at)
-    return np.asarray(np.median(np.abs(own - other) / np.sqrt(1.0 + slope**2), axis=1) < SAME * spot)
-
-
-def _columns(row: float | Floats, state: Floats, at: Floats) -> tuple[Floats, Floats]:
+def columns(row: float | Floats, state: Floats, at: Floats) -> tuple[Floats, Floats]:
     """Place and slope of swings at some rows."""
     along = at - row
     m, m1, m2, p, q, w = state
@@ -132,7 +124,7 @@ def turning_points(darkness: Floats32, spot: float) -> tuple[Floats32, Floats]:
 
     smooth: Floats32 = ndimage.gaussian_filter(darkness, 0.8 * spot, mode="nearest")
     reach = 2 * max(1, round(1.5 * spot)) + 1
-    peaks: NDArray[Any] = ndimage.maximum_filter(smooth, size=reach, mode="nearest") == smooth
+    peaks: NDArray[np.bool_] = ndimage.maximum_filter(smooth, size=reach, mode="nearest") == smooth
     top = float(np.quantile(smooth[peaks], 0.995)) if peaks.any() else 0.0
     row, column = np.nonzero(peaks & (smooth > DARKEST_SHARE * top))
     strongest = np.argsort(smooth[row, column])[::-1][:MOST_POINTS]
@@ -232,10 +224,8 @@ def propose(
             first = points[b, 0] - points[a, 0]
             if first > 0.7 * longest:
                 break
-            width = abs(points[b, 1] - points[a, 1])
+            width = (points[b, 1] - points[a, 1]) * points[b, 2]
             if points[a, 2] == points[b, 2] or first < 0.3 * shortest or width < 8.0 * spot:
-                continue
-            if (points[b, 1] - points[a, 1]) * points[b, 2] < 0.0:
                 continue
             for c in range(b + 1, n):
                 second = points[c, 0] - points[b, 0]

@@ -24,7 +24,7 @@ from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
-from pipeline.film.tracking.pieces import Filter, Piece, replay, run
+from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, replay, run
 from pipeline.film.tracking.probing import SURE, probe
 from pipeline.film.tracking.section import Last, Section, follow_from, match, read_section
 
@@ -51,15 +51,15 @@ class Film:
     optics: Optics
     period: float
     edits: Placed | None = None
-    lines: Floats | None = None  # (traces, rows), columns where a person says that traces run
+    lines: Floats = field(default_factory=lambda: NO_LINES)  # (traces, rows), columns of lines drawn by hand, or none
     jobs: int = 1  # threads that may work
     progress: Callable[[int, int], None] = lambda done, total: None  # rows done, and rows to do
-    pieces: list[tuple[int, int]] = field(init=False)
 
-    def __post_init__(self) -> None:
+    @property
+    def pieces(self) -> list[tuple[int, int]]:
+        """First rows of the pieces that are followed one by one, and those behind the last."""
         height = int(np.clip(round(PIECE_SWINGS * self.period), 48, 2048))
-        firsts = range(0, self.scan.rows, height)
-        self.pieces = [(first, min(first + height, self.scan.rows)) for first in firsts]
+        return [(first, min(first + height, self.scan.rows)) for first in range(0, self.scan.rows, height)]
 
     def darkness(self, first: int, stop: int) -> NDArray[np.float32]:
         """Rows `first` to `stop`, above blank film; NaN where nothing is to be read."""
@@ -70,10 +70,10 @@ class Film:
         """The darkness of some pieces, in their order."""
         return in_order(lambda piece: self.darkness(*piece), pieces, self.jobs)
 
-    def drawn(self, rows: slice) -> Floats | None:
-        """Lines drawn by hand on some rows; None where there are none."""
-        lines = None if self.lines is None else np.ascontiguousarray(self.lines[:, rows])
-        return lines if lines is not None and np.isfinite(lines).any() else None
+    def drawn(self, rows: slice) -> Floats:
+        """Lines drawn by hand on some rows; `NO_LINES` where there are none."""
+        lines = np.ascontiguousarray(self.lines[:, rows])
+        return lines if np.isfinite(lines).any() else NO_LINES
 
     def section(self, first: int, stop: int, traces: int) -> Section | None:
         """The traces found anew on the section that begins at a row and reaches to `stop` at least."""
@@ -82,54 +82,48 @@ class Film:
 
 
 @dataclass
-class Forward:
-    """Results of the way along the film: arrays (traces, rows); before each piece the filter and the last readings."""
+class Following:
+    """Traces followed along the film and back, and what it takes to follow a stretch of it once more.
 
+    Arrays are (traces, rows); `place`, `variance`, `light` and `followed` are those of the way along.
+    """
+
+    film: Film
+    section: Section
+    tracks: Tracks
+    misfit: NDArray[np.float32]
     place: Floats
     variance: Floats
     light: Floats
     followed: NDArray[np.uint8]
-    checkpoints: dict[int, tuple[Filter, Last]]
-
-
-@dataclass
-class Following:
-    """Traces followed along the film and back, and what it takes to follow a stretch of it once more."""
-
-    film: Film
-    section: Section
-    ahead: Forward
-    behind: dict[int, Filter]  # before each piece, on the way back
-    tracks: Tracks
-    misfit: NDArray[np.float32]
+    checkpoints: dict[int, tuple[Filter, Last]] = field(default_factory=dict)  # before each piece, with last readings
+    behind: dict[int, Filter] = field(default_factory=dict)  # the same on the way back
 
     @staticmethod
     def of(film: Film, section: Section) -> Following:
-        """Nothing followed yet; the traces are those of a section."""
-        place, variance, light = np.full((3, len(section.swings), film.scan.rows), [[[0.0]], [[np.inf]], [[np.nan]]])
-        ahead = Forward(place, variance, light, np.zeros(place.shape, np.uint8), {})
-        tracks = Tracks.empty(len(place), film.scan.rows, film.period, film.optics.spot)
-        return Following(film, section, ahead, {}, tracks, np.full(place.shape, np.nan, np.float32))
-
-    def all_along(self) -> None:
-        """Follow all traces over the whole film, both ways."""
-        swings, pieces = self.section.swings, range(len(self.film.pieces))
-        last = [(swing.row, swing.state) for swing in swings]
-        self._forward(pieces, Filter.idle(len(swings), self.film.period), last)
-        self._backward(pieces, Filter.idle(len(swings), self.film.period))
+        """All traces of a section followed over the whole film, both ways."""
+        traces, rows = len(section.swings), film.scan.rows
+        tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
+        misfit, (place, variance, light) = np.empty((traces, rows), np.float32), np.empty((3, traces, rows))
+        out = Following(film, section, tracks, misfit, place, variance, light, np.zeros((traces, rows), np.uint8))
+        pieces, idle = range(len(film.pieces)), Filter.idle(traces, film.period)
+        out._forward(pieces, deepcopy(idle), [(swing.row, swing.state) for swing in section.swings])
+        out._backward(pieces, idle)
+        return out
 
     def again(self, edits: Placed, jobs: int = 1) -> Following:
         """The same with the stretches that a person edited followed once more."""
-        traces, rows = self.tracks.course.shape
-        film = replace(self.film, edits=edits, lines=edits.courses(traces, rows), jobs=jobs, progress=lambda *_: None)
-        out = replace(self, film=film, ahead=deepcopy(self.ahead), tracks=deepcopy(self.tracks))
-        out.misfit, out.behind = self.misfit.copy(), dict(self.behind)
+        traces, rows = self.followed.shape
+        lines = edits.courses(traces, rows)
+        lines = NO_LINES if lines is None else lines
+        film = replace(self.film, edits=edits, lines=lines, jobs=jobs, progress=lambda *_: None)
+        out = deepcopy(self, {id(self.film): film, id(self.section): self.section})
         firsts = [first for first, _ in film.pieces]
         for first_row, last_row in edits.stretches(rows, film.period):
             first, last = np.searchsorted(firsts, [first_row, last_row], side="right").tolist()
             some = range(first - 1, last)
             out.tracks.forget(slice(firsts[first - 1], film.pieces[last - 1][1]))
-            out._forward(some, *deepcopy(self.ahead.checkpoints[some[0]]))
+            out._forward(some, *deepcopy(self.checkpoints[some[0]]))
             out._backward(some, deepcopy(self.behind[some[-1]]))
         edits.without_ignored(out.tracks)
         return out
@@ -140,78 +134,68 @@ class Following:
 
     def _forward(self, pieces: range, begun: Filter, last: Last) -> None:
         """Follow all traces along some pieces; those that were lost are searched for at the start of each."""
-        film, out = self.film, self.ahead
+        film = self.film
         spans = film.pieces[pieces.start : pieces.stop]
         for number, (first, stop), darkness in zip(pieces, spans, film.pixels(spans), strict=True):
             begins, part = np.full(len(last), -1), slice(first, stop)
+            lines = film.drawn(part)
             if first >= self.section.first - (stop - first) and not begun.alive.all():
                 self._look_again(begun, begins, first, stop, last)
-            lines = film.drawn(part)
-            if lines is not None:
-                _start_on_lines(begun, begins, lines, film.period)
-            out.checkpoints[number] = deepcopy(begun), list(last)
-            out.place[:, part], out.variance[:, part], out.followed[:, part] = 0.0, np.inf, 0
-            out.light[:, part] = np.nan
-            if begun.alive.any() or (begins >= 0).any():
-                piece = run(begun, darkness, first, 1, film.optics, begins, lines)
-                out.place[:, part], out.variance[:, part] = piece.place, piece.variance
-                usual = np.array([[median_present(each)] for each in piece.brightness])
-                light = np.where(np.isnan(piece.brightness), usual, piece.brightness)  # where nothing is to be read
-                out.light[:, part] = np.where(piece.followed > 0, light, np.nan)
-                out.followed[:, part] = piece.followed
-                for k, variance in enumerate(piece.variance):
-                    good = np.flatnonzero(np.isfinite(variance))
-                    if good.size:
-                        last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
+            _start_on_lines(begun, begins, lines, film.period)
+            self.checkpoints[number] = deepcopy(begun), list(last)
+            piece = run(begun, darkness, first, 1, film.optics, begins, lines)
+            self.place[:, part], self.variance[:, part] = piece.place, piece.variance
+            self.followed[:, part] = piece.followed
+            usual = np.array([[median_present(each)] for each in piece.brightness])
+            light = np.where(np.isnan(piece.brightness), usual, piece.brightness)  # where nothing is to be read
+            self.light[:, part] = np.where(piece.followed > 0, light, np.nan)
+            for k, variance in enumerate(piece.variance):
+                good = np.flatnonzero(np.isfinite(variance))
+                if good.size:
+                    last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
             film.progress(stop, 2 * film.scan.rows)
 
     def _backward(self, pieces: range, begun: Filter) -> None:
         """Follow all traces back, join both ways piece by piece, and read every row."""
-        film = self.film
+        film, tracks = self.film, self.tracks
 
         def read(piece: tuple[Any, ...]) -> int:
-            if len(piece) > 1:
-                read_both(film.emulsion, film.optics, self.tracks, self.misfit, *piece)
+            read_both(film.emulsion, film.optics, tracks, self.misfit, *piece)
             return int(piece[0])
 
         for first in in_order(read, self._followed_back(pieces, begun), film.jobs):
             film.progress(2 * film.scan.rows - first, 2 * film.scan.rows)
         some = slice(film.pieces[pieces.start][0], film.pieces[pieces.stop - 1][1])
-        for position, course, qc in zip(self.tracks.position, self.tracks.course, self.tracks.qc, strict=True):
-            flag_lost(position, course, qc, film.period, some)
+        flag_lost(tracks.position, tracks.course, tracks.qc, film.period, some)
 
     def _followed_back(self, pieces: range, begun: Filter) -> Iterator[tuple[Any, ...]]:
-        """Follow all traces back and join both ways: the first row of each piece, and what its rows are read with."""
-        film, ahead = self.film, self.ahead
+        """Follow all traces back: of each piece its first row, and what its rows are read with (see `read_both`)."""
+        film = self.film
         spans, margin = film.pieces[pieces.start : pieces.stop][::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
         for number, (first, stop), darkness in zip(pieces[::-1], spans, film.pixels(spans), strict=True):
             part = slice(first, stop)
-            lines, known = film.drawn(part), deepcopy(ahead.checkpoints[number][0])
-            kept = ahead.place[:, part], ahead.variance[:, part], ahead.followed[:, part]
+            lines, known = film.drawn(part), deepcopy(self.checkpoints[number][0])
+            kept = self.place[:, part], self.variance[:, part], self.followed[:, part]
             forth = replay(known, *kept, film.optics, lines)
             self.behind[number] = deepcopy(begun)
             begins = self._turn_back(begun, forth, first, stop)
-            if not (begun.alive.any() or (begins >= 0).any() or forth.followed.any()):
-                yield (first,)
-                continue
             back = run(begun, darkness, first, -1, film.optics, begins, lines)
-            alone = (ahead.followed[:, part] == 0) & (back.followed > 0)
-            ahead.light[:, part][alone] = back.brightness[alone]
+            alone = (self.followed[:, part] == 0) & (back.followed > 0)
+            self.light[:, part][alone] = back.brightness[alone]
             low = max(0, first - margin)
-            yield first, darkness, forth, back, first - low, ahead.light[:, low : stop + margin].copy()
+            yield first, darkness, forth, back, first - low, self.light[:, low : stop + margin].copy()
 
     def _look_again(self, begun: Filter, begins: NDArray[np.int64], first: int, stop: int, last: Last) -> None:
         """Find traces that are not being followed on this piece and what comes next, and say which is which.
 
         Within the first section its own reading says so; beyond it traces are known by where and how they swung last.
         """
-        section: Section | None = self.section
-        names: list[int] | None = list(range(len(last)))
-        if first >= self.section.first + self.section.darkness.shape[0]:
-            section = self.film.section(first, stop, len(last))
-            names = match(section, last) if section is not None else None
-        if section is None or names is None:
-            return
+        section, names = self.section, list(range(len(last)))
+        if first >= section.first + section.darkness.shape[0]:
+            again = self.film.section(first, stop, len(last))
+            if again is None:
+                return
+            section, names = again, match(again, last)
         for number, k in enumerate(names):
             if k < 0 or begun.alive[k]:
                 continue
@@ -223,16 +207,16 @@ class Following:
 
     def _turn_back(self, begun: Filter, forth: Piece, first: int, stop: int) -> NDArray[np.int64]:
         """Rows at which the way back takes up traces that it does not follow but the way along did."""
-        ahead, begins = self.ahead, np.full(begun.alive.size, -1)
-        half = max(4, round(0.5 * self.film.period))
-        for k in np.flatnonzero((begun.alive == 0) & ahead.followed.any(axis=1)).tolist():
-            low, light = max(0, first - half), ahead.light[k]
-            read = np.isfinite(ahead.variance[k, low:stop]) & (light[low:stop] > LIT * median_present(light))
+        begins, half = np.full(begun.alive.size, -1), max(4, round(0.5 * self.film.period))
+        low = max(0, first - half)
+        for k in np.flatnonzero((begun.alive == 0) & self.followed.any(axis=1)).tolist():
+            light = self.light[k]
+            read = np.isfinite(self.variance[k, low:stop]) & (light[low:stop] > LIT * median_present(light))
             behind = _solid_from(read[::-1], 0, self.film.period)
             if behind is not None and behind < stop - first:
                 row = stop - 1 - behind
-                lamp = median_present(light[max(0, row - half) : row + 1])
                 begins[k] = row - first
+                lamp = median_present(light[max(0, row - half) : row + 1])
                 begun.restart(k, forth.states[begins[k], k], max(lamp, 0.02), alive=False)
         return begins
 
@@ -276,9 +260,7 @@ def follow_traces(
             "with more light, or say with --trace what swings on it"
         )
     film = Film(scan, emulsion, optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
-    out = Following.of(film, first_section(film, section))
-    out.all_along()
-    return out
+    return Following.of(film, first_section(film, section))
 
 
 def checked(out: Tracks, misfit: NDArray[np.float32]) -> Tracks:
@@ -346,13 +328,13 @@ def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | Non
 
 def _start_on_lines(begun: Filter, begins: NDArray[np.int64], lines: Floats, period: float) -> None:
     """Start traces that are not followed where a line of half a swing or more says how they run."""
-    for k in np.flatnonzero((begun.alive == 0) & (begins < 0)).tolist():
-        rows = np.flatnonzero(np.isfinite(lines[k]))[: round(period)]
-        if rows.size < LEAST_LINE * period:
+    for k, line in enumerate(lines):
+        rows = np.flatnonzero(np.isfinite(line))[: round(period)]
+        if begun.alive[k] or begins[k] >= 0 or rows.size < LEAST_LINE * period:
             continue
         turn, away = 2.0 * np.pi / period, rows - rows[0]
         terms = np.stack([np.ones(rows.size), np.cos(turn * away), np.sin(turn * away)], axis=1)
-        rest, cosine, sine = np.linalg.lstsq(terms, lines[k, rows], rcond=None)[0].tolist()
+        rest, cosine, sine = np.linalg.lstsq(terms, line[rows], rcond=None)[0].tolist()
         begins[k] = rows[0]
         # the pair is amplitude times cosine and sine of the phase, which turns with the rows
         begun.restart(k, np.array([rest, 0.0, 0.0, cosine, -sine, turn]), alive=False)

@@ -109,10 +109,8 @@ def test_a_chance_reading_on_blank_film_does_not_lose_the_trace(short: Tiny, sec
     place[:, :18] = np.nan
     place[0, 3] = section.states[3, 0, 0]  # the grain looked like a line for a row
     following = Following.of(short.film, replace(section, place=place))
-    following.all_along()
-    ahead = following.ahead
     lit = np.arange(ROWS) > BEGIN + 0.5 * PERIOD
-    assert np.all(ahead.followed[:, lit] > 0)
+    assert np.all(following.followed[:, lit] > 0)
 
 
 def test_gaps_are_fitted_to_a_tenth_of_a_row(short: Tiny, section: Section) -> None:

@@ -68,11 +68,10 @@ def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> P
     for event in found:
         aside, hidden = event.moves(time)
         shift, creased = shift + aside, creased | hidden
-    rest = np.where(creased, np.nan, column - shift)
-    known = [each for each in (slow_part(time, own, period) for own in rest[differences]) if each is not None]
-    common = np.mean(known, axis=0) if known else np.zeros(time.size)
-    if float(np.std(common)) > SHOWS:
-        shift = shift + common
+    rest = np.where(creased, np.nan, column - shift)[differences]
+    known = [each for each in (slow_part(time, own, period) for own in rest) if each is not None]
+    if known and float(np.std(np.mean(known, axis=0))) > SHOWS:
+        shift = shift + np.mean(known, axis=0)
     if not shift.any() and not creased.any():
         return None
     steps = tuple(sorted(event.time for event in found if not event.length))

@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.film.edits import NO_MARKS, MarkEdits
 from pipeline.film.marks.alignment import lasting, refined
-from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps, slips
+from pipeline.film.marks.drive import Drive, aliased, drive, slips
 from pipeline.film.marks.numbering import Counted, number_marks
 from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
@@ -39,13 +39,14 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
         paper = drive(freed, sigma, marking.interval, paper, jumps=jumps)
     if across is not None:
         unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
-    paper = honest_gaps(freed, sigma, paper)
-    shift = 0 if minutes.residue is None else -minutes.residue % round(60.0 / marking.interval)
-    shift = shift if counted.clock is None else counted.clock
+    shift = -(minutes.residue or 0) % minutes.cycle if counted.clock is None else counted.clock
     hidden, hidden_speed = aliased(freed, paper)
     lasts = float(np.linalg.norm([lasting(freed, paper), unsure, hidden]))
     seconds, seconds_sigma = times_of(paper, tracks.course.shape[1], lasts)
     seen = np.flatnonzero(paper.used.any(axis=0))
+    # what all traces together leave of the motion, and what that took of their noise
+    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)[:, seen]
+    rest = np.nansum(weight * (freed - paper.row)[:, seen], axis=0) / weight.sum(axis=0)
     relative = (paper.speed_sigma**2 + hidden_speed**2) / np.maximum(paper.speed, 1e-9) ** 2
     return TimeAxis(
         index=(seen + shift).astype(np.int64),
@@ -60,20 +61,11 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
         flags=_flags(counted, seen.size, marking.directed, across is not None),
         rate_sigma=float(np.sqrt(np.mean(relative))),
         doubts=tuple(
-            ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
-            for first, last, by in counted.doubts
+            ((a + shift) * marking.interval, (b + shift) * marking.interval, by) for a, b, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
-        mark_sigma=_mark_sigma(freed, sigma, paper),
+        mark_sigma=float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2)) / np.median(paper.speed)),
     )
-
-
-def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive) -> float:
-    """1 sigma of a mark's time, s, of all traces together: what they leave of the motion, and what that took of it."""
-    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
-    seen = weight.any(axis=0)
-    rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
-    return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2)) / np.median(paper.speed))
 
 
 def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[str, ...]:
@@ -99,12 +91,10 @@ def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
 
     Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
 
-    The variance is the sum of three. At the marks, that of the drive's smoother, which knows the gaps' noise and how
-    rough the paper ran, both as the film itself shows them; between two marks, what a motion as rough may do unseen
-    while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the share
-    x of the way h; and that of `lasting`, px: errors that neighbouring marks share, of their gaps, the traces' offsets
-    and the shear, which no smoother tells from motion. It is that of a time read on any trace; the zero of time, common
-    to all rows, is not in it.
+    The variance is the sum of three: of the drive's smoother at the marks; between two, what a motion as rough may do
+    unseen while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the
+    share x of the way h; and of `lasting`, px: errors that neighbouring marks share, of their gaps, offsets and shear,
+    which no smoother tells from motion. The zero of time, common to all rows, is not in it.
     """
     from scipy.interpolate import BPoly, CubicSpline
 

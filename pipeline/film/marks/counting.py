@@ -48,6 +48,7 @@ class Steps(NamedTuple):
     end: Whole  # event
     marks: Whole
     most: Floats  # cost of the speed's change before and after it
+    cost: Floats  # of each by itself: marks missed, events passed over, and swings that do not fit
 
 
 class Pace(NamedTuple):
@@ -67,6 +68,10 @@ class Count:
     event: Whole  # (marks,)
     index: Whole  # (marks,), their numbers from 0 on
     lead: Floats  # (marks - 1,), of the count to the next mark before any other, as a difference of chi squares
+
+    def part(self, first: int, stop: int) -> Count:
+        """Some of the marks."""
+        return Count(self.event[first:stop], self.index[first:stop], self.lead[first : stop - 1])
 
 
 def spacing_of(rows: Floats) -> float:
@@ -96,16 +101,15 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
     return float(np.clip(near, *CHANGE)), float(np.clip(far, *MOST_CHANGE))
 
 
-def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Count:
-    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px.
+def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float, breaks: Floats) -> Count:
+    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px; over each of `breaks`, px, one mark.
 
     `RefusedError`: no path leads from the film's start to its end.
     """
-    steps = list_steps(rows, spacing, swings)
-    cost = costs(steps, swings)
+    steps = list_steps(rows, spacing, swings, breaks)
     first_of = np.searchsorted(steps.end, np.arange(rows.size + 1))
     pace = Pace(rows, np.hypot(sigma, FLOOR), spacing, *unsteadiness(rows, spacing))
-    forward, backward, before = count_marks(pace, steps, cost, first_of)
+    forward, backward, before = count_marks(pace, steps, first_of)
     whole = forward + backward
     if not np.isfinite(whole.min(initial=np.inf)):
         raise RefusedError(
@@ -137,41 +141,37 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
     return Count(event[kept], index[kept], np.array([lead[a:b].min() for a, b in itertools.pairwise(kept)]))
 
 
-def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:
-    """All steps that could be meant."""
+def list_steps(row: Floats, spacing: float, swings: Swings, breaks: Floats) -> Steps:
+    """All steps that could be meant; one over a break counts one mark, at any speed and phase."""
     end = np.repeat(np.arange(row.size), SKIP)
     begin = end - np.tile(np.arange(SKIP, 0, -1), row.size)
     begin, end = begin[begin >= 0], end[begin >= 0]
     length = (row[end] - row[begin]) / spacing
     low = np.maximum(np.ceil(length / (1.0 + SLACK)), 1.0).astype(np.int64)
     high = np.floor(length / (1.0 - SLACK)).astype(np.int64)
-    number = np.maximum(high - low + 1, 0)
+    broken = np.searchsorted(breaks, row[end]) > np.searchsorted(breaks, row[begin])
+    low, number = np.where(broken, 1, low), np.where(broken, 1, np.maximum(high - low + 1, 0))
     pair = np.repeat(np.arange(begin.size), number)
     marks = low[pair] + np.arange(pair.size) - (np.cumsum(number) - number)[pair]
     lost = swings.lost[end] - swings.lost[begin] > UNSEEN * (row[end] - row[begin])
-    most = np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf)
-    return Steps(begin[pair], end[pair], marks, most)
-
-
-def costs(steps: Steps, swings: Swings) -> Floats:
-    """Cost of every step by itself: marks missed, events passed over, and swings that do not fit."""
-    begin, end, count, _ = steps
-    cost = MISSED * np.where(count < 6, count - 1.0, 5.0 + 0.1 * (count - 6.0)) + PASSED * (end - begin - 1.0)
+    most = np.where(broken[pair], 0.0, np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf))
+    begin, end = begin[pair], end[pair]
+    cost = MISSED * np.where(marks < 6, marks - 1.0, 5.0 + 0.1 * (marks - 6.0)) + PASSED * (end - begin - 1.0)
     for phase, extra, advance, sigma in zip(*swings[:4], strict=True):
-        away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * count)))
-        variance = 2.0 * sigma**2 + WANDER**2 * count + extra[begin] + extra[end]
-        cost += np.where(np.isfinite(away), np.minimum(away**2 / variance, PHASE_MOST), 0.0)
-    return np.asarray(cost)
+        away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * marks)))
+        variance = 2.0 * sigma**2 + WANDER**2 * marks + extra[begin] + extra[end]
+        cost += np.where(np.isfinite(away) & (most > 0.0), np.minimum(away**2 / variance, PHASE_MOST), 0.0)
+    return Steps(begin, end, marks, most, cost)
 
 
 @kernel
-def count_marks(pace: Pace, steps: Steps, cost: Floats, first_of: Whole) -> tuple[Floats, Floats, Whole]:
+def count_marks(pace: Pace, steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
     """Least cost of all paths up to and including each step, and of all paths after it; the step before it.
 
     The steps that end at each event begin at `first_of` (events + 1,). Paths begin and end within the first and last
     `SKIP` events.
     """
-    events, total = pace.row.size, cost.size
+    events, total, cost = pace.row.size, steps.cost.size, steps.cost
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     for k in range(total):
         a = steps.begin[k]

@@ -44,14 +44,20 @@ class Swings(NamedTuple):
 
 def swings_at(tracks: Tracks, events: Events, places: Floats, spacing: float) -> Swings:
     """Swings at events, which lie on each trace at `places` (traces, events); `spacing` is that of marks."""
+    from scipy.ndimage import median_filter
+
     rows = events.row
-    stretch = _stretched(rows, spacing)
+    apart, stretch = np.diff(rows), np.ones(rows.size)  # rows per second over the film's mean, by the neighbours
+    good = np.abs(apart - spacing) < EVEN * spacing
+    if good.sum() >= 3:
+        calm = median_filter(apart[good], 5, mode="nearest")
+        stretch = np.asarray(np.interp(rows, 0.5 * (rows[1:] + rows[:-1])[good], calm) / spacing)
     lost = np.concatenate([[0], np.cumsum(~np.isfinite(tracks.course).any(axis=0))])
     before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
     phase, extra = _phases(tracks, places, stretch)
     advance, sigma = np.full((2, len(places)), np.nan)
     swings = Swings(phase, extra, advance, sigma, before)
-    next_one = np.abs(np.diff(rows) / (spacing * stretch[1:]) - 1.0) < NEXT
+    next_one = np.abs(apart / (spacing * stretch[1:]) - 1.0) < NEXT
     for trace, each in enumerate(swings.centred):
         step = np.diff(each)[next_one]
         step = step[np.isfinite(step)]
@@ -99,18 +105,6 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
             out[trace, at] = np.where(np.hypot(cos, sin) > LEAST, phase, np.nan)
         extra[trace, inside] = (CARRIED * np.maximum(np.abs(carried[inside]) - 1.0, 0.0) / half) ** 2
     return out, extra
-
-
-def _stretched(rows: Floats, spacing: float) -> Floats:
-    """Rows per second around each event over the film's mean, by the distances of its neighbours."""
-    from scipy.ndimage import median_filter
-
-    apart = np.diff(rows)
-    good = np.abs(apart - spacing) < EVEN * spacing
-    if good.sum() < 3:
-        return np.ones(rows.size)
-    calm = median_filter(apart[good], 5, mode="nearest")
-    return np.asarray(np.interp(rows, 0.5 * (rows[1:] + rows[:-1])[good], calm) / spacing)
 
 
 def jumps(index: Floats, swings: Swings) -> Floats:

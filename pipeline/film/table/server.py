@@ -56,7 +56,9 @@ def serve(
 
         def begin() -> None:
             print(url, file=sys.stderr, flush=True)
-            if browser and _has_display():
+            # in the terminal of an SSH session a browser would take the terminal
+            display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+            if browser and display:
                 threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
             if ready is not None:
                 ready(url)
@@ -72,16 +74,8 @@ def serve(
 
 def _listening(port: int) -> socket.socket:
     """Listen to this machine alone."""
-    remedy = "choose another, or 0 for any that is free"
-    if not 0 <= port <= 65535:
-        raise UsageError(f"port {port} is none (0 to 65535); {remedy}")
     try:
         return socket.create_server(("127.0.0.1", port))
-    except OSError as fault:
-        raise UsageError(f"port {port} cannot be had ({fault.strerror}); {remedy}") from None
-
-
-def _has_display() -> bool:
-    """Whether a browser would open in a window: one in the terminal of an SSH session would take the terminal."""
-    windows = sys.platform in ("win32", "darwin")
-    return windows or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    except (OSError, OverflowError) as fault:  # in use, or not from 0 to 65535
+        why = getattr(fault, "strerror", fault)
+        raise UsageError(f"port {port} cannot be had ({why}); choose another, or 0 for any that is free") from None

@@ -224,7 +224,10 @@ def fitted(lines: Lines) -> Gaps:
         excess = max(1.0, 2.0 * fit.cost / (part.size - start.size))
         sigma = np.sqrt(excess * np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
         found += [(fit.x[k], sigma[k], abs(fit.x[k + 2]), sigma[k + 2]) for k in range(1, start.size, 3)]
-    row, sigma, light, light_sigma = np.array(sorted(each for each in found if each[1] < usual and each[2] > 0.0)).T
+    found = sorted(each for each in found if each[1] < usual and each[2] > 0.0)
+    if not found:
+        raise NoMarksError(NONE)
+    row, sigma, light, light_sigma = np.array(found).T
     none, one = np.zeros(row.size), np.ones(row.size)
     width = light / np.median(light), light_sigma / np.median(light)
     return Gaps(none.astype(np.int64), row, sigma, none, none, none, *width, one, none, one, one)

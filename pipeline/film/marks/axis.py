@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.film.edits import NO_MARKS, MarkEdits
 from pipeline.film.marks.alignment import lasting, refined
-from pipeline.film.marks.drive import Drive, aliased, drive, slips
+from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps, slips
 from pipeline.film.marks.numbering import Counted, number_marks
 from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
@@ -39,14 +39,12 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
         paper = drive(freed, sigma, marking.interval, paper, jumps=jumps)
     if across is not None:
         unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
+    paper = honest_gaps(freed, sigma, paper)
     shift = -(minutes.residue or 0) % minutes.cycle if counted.clock is None else counted.clock
     hidden, hidden_speed = aliased(freed, paper)
     lasts = float(np.linalg.norm([lasting(freed, paper), unsure, hidden]))
     seconds, seconds_sigma = times_of(paper, tracks.course.shape[1], lasts)
     seen = np.flatnonzero(paper.used.any(axis=0))
-    # what all traces together leave of the motion, and what that took of their noise
-    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)[:, seen]
-    rest = np.nansum(weight * (freed - paper.row)[:, seen], axis=0) / weight.sum(axis=0)
     relative = (paper.speed_sigma**2 + hidden_speed**2) / np.maximum(paper.speed, 1e-9) ** 2
     return TimeAxis(
         index=(seen + shift).astype(np.int64),
@@ -64,8 +62,23 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
             ((a + shift) * marking.interval, (b + shift) * marking.interval, by) for a, b, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
-        mark_sigma=float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2)) / np.median(paper.speed)),
+        mark_sigma=_mark_sigma(freed, sigma, paper, hidden),
     )
+
+
+def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive, hidden: float) -> float:
+    """1 sigma of a mark's time, s, of all traces together, as white noise of the time axis from mark to mark.
+
+    What they leave of the motion, and what that took of it; the mean of what the paper may do unseen between two marks
+    (see `times_of`), and wow that they hide, px; and the doubt of the marks that are missing.
+    """
+    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
+    seen = weight.any(axis=0)
+    rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
+    h, shake, roughness = paper.model.step, np.exp(2.0 * paper.model.shake), np.exp(2.0 * paper.model.roughness)
+    unseen = shake * h**3 / 420.0 + roughness * h**5 / 55440.0 + hidden**2
+    unseen += np.mean(np.where(seen, 0.0, paper.row_sigma**2))
+    return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2) + unseen) / np.median(paper.speed))
 
 
 def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[str, ...]:

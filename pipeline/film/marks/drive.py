@@ -8,8 +8,9 @@ are worse than they say.
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ START, SIDES = (np.log(0.3), np.log(0.03), np.log(0.03)), np.diag([1.5, 1.0, 0.5
 COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
+LONG_GAP = 3.0  # s without marks
 SLIP, LEAST_SLIP, ABOUT = 8.0, 1.5, 11  # deviations, and px, of the rows between two marks; marks about them
 
 Lines = tuple[tuple[float, float, float], ...]
@@ -127,7 +129,8 @@ def _most_likely(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.in
         return run(at, False).likelihood + float(np.sum((at - np.clip(at, LOWEST, HIGHEST)) ** 2))
 
     start = np.array([model.roughness, model.shake, math.log(model.floor)])
-    options: Any = {"initial_simplex": start + np.vstack([np.zeros(3), SIDES]), "xatol": 0.1, "fatol": 0.3}
+    simplex = start + np.vstack([np.zeros(3), SIDES])
+    options: Any = {"initial_simplex": simplex, "xatol": 0.1, "fatol": 0.3}
     return run(minimize(cost, start, method="Nelder-Mead", options=options).x, True)
 
 
@@ -174,14 +177,14 @@ def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64
 
 def aliased(rows: Floats, paper: Drive) -> tuple[float, float]:
     """1 sigma of wow that marks as far apart as these cannot tell from wow of another period, px and px s-1."""
-    turn, size = _line(rows, paper, alias=True) or (0.0, 0.0)
+    turn, size = _line(rows, paper, told=False) or (0.0, 0.0)
     return size / math.sqrt(2.0), size / math.sqrt(2.0) * max(turn, 2.0 * np.pi / paper.model.step - turn)
 
 
-def _line(rows: Floats, paper: Drive, alias: bool = False) -> tuple[float, float] | None:
+def _line(rows: Floats, paper: Drive, told: bool = True) -> tuple[float, float] | None:
     """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None.
 
-    An `alias` is looked for where wow twice as fast as the marks come less its own would look the same.
+    Looked for where its alias, which the marks show no otherwise, would be too fast for wow, or else only where not.
     """
     marks = rows.shape[1]
     if marks * paper.model.step < 2.0 * SLOWEST / 3.0:
@@ -193,7 +196,7 @@ def _line(rows: Floats, paper: Drive, alias: bool = False) -> tuple[float, float
     power = np.abs(np.fft.rfft((remainder - remainder.mean()) * np.hanning(marks), 4 * marks)) ** 2
     turn = 2.0 * np.pi * np.arange(power.size) / (4 * marks * paper.model.step)
     alone = 2.0 * np.pi / paper.model.step - turn > 2.0 * np.pi / FASTEST
-    inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST) & (alone != alias))
+    inside = np.flatnonzero((turn > 2.0 * np.pi / SLOWEST) & (turn < 2.0 * np.pi / FASTEST) & (alone == told))
     if inside.size < 16:
         return None
     top = inside[int(np.argmax(power[inside] * turn[inside] ** 2))]
@@ -204,6 +207,28 @@ def _line(rows: Floats, paper: Drive, alias: bool = False) -> tuple[float, float
     place = top + 0.5 * (a - c) / (a - 2.0 * b + c)
     size = 2.0 * np.sqrt(power[top]) / np.hanning(marks).sum()
     return float(2.0 * np.pi * place / (4 * marks * paper.model.step)), float(size)
+
+
+def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
+    """The same, with its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time.
+
+    The model's own sigma in a gap rests on the form of its motion, not on marks.
+    """
+    seen = np.flatnonzero(paper.used.any(axis=0))
+    length = int(np.diff(seen).max(initial=0))
+    if length * paper.model.step < LONG_GAP or seen.size < 6 * length:
+        return paper
+    number = np.arange(rows.shape[1])
+    hidden = (number % (3 * length) >= length) & (number % (3 * length) < 2 * length) & (number < number.size - length)
+    blind = run_drive(np.where(paper.used & ~hidden, rows, np.nan), sigma, paper.model, paper.jumps)
+    gaps = hidden & (paper.row_sigma < 0.5 * blind.row_sigma)
+    away = (blind.row - paper.row)[gaps] / blind.row_sigma[gaps]
+    if away.size < 3:
+        return paper
+    scale, inside = max(1.0, float(np.sqrt(np.mean(away**2)))), np.zeros(number.size, dtype=bool)
+    for begin, stop in itertools.pairwise(seen.tolist()):
+        inside[begin + 1 : stop] = (stop - begin) * paper.model.step >= LONG_GAP
+    return replace(paper, row_sigma=np.where(inside, scale * paper.row_sigma, paper.row_sigma))
 
 
 @kernel

@@ -74,8 +74,10 @@ def serve(
 
 def _listening(port: int) -> socket.socket:
     """Listen to this machine alone."""
+    remedy = "choose another, or 0 for any that is free"
+    if not 0 <= port <= 65535:
+        raise UsageError(f"port {port} is none (0 to 65535); {remedy}")
     try:
         return socket.create_server(("127.0.0.1", port))
-    except (OSError, OverflowError) as fault:  # in use, or not from 0 to 65535
-        why = getattr(fault, "strerror", fault)
-        raise UsageError(f"port {port} cannot be had ({why}); choose another, or 0 for any that is free") from None
+    except OSError as fault:
+        raise UsageError(f"port {port} cannot be had ({fault.strerror}); {remedy}") from None

@@ -209,7 +209,7 @@ def test_readings_are_a_table(standing: Served) -> None:
 def test_port_in_use_is_refused(standing: Served) -> None:
     with pytest.raises(UsageError, match=f"port {standing.port} cannot be had"):
         serve(StandInSession(), port=standing.port, browser=False)
-    with pytest.raises(UsageError, match=r"port 70000 cannot be had.*0-65535"):
+    with pytest.raises(UsageError, match="port 70000 is none"):
         serve(StandInSession(), port=70_000, browser=False)
 
 

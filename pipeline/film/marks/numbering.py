@@ -12,12 +12,11 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import median_present
 from pipeline.film.edits import Clock, MarkEdits, with_marks
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
-from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
+from pipeline.film.marks.counting import LEAST_MARKS, Count, Swings, counted, jumps, spacing_of, swings_at
 from pipeline.film.marks.lines import widened
 from pipeline.film.marks.minutes import Minutes, doubts, find_minutes
 from pipeline.film.marks.search import Gaps, GapSearch
 from pipeline.film.marks.stands import Stand, lengths, together
-from pipeline.film.marks.swings import Swings, jumps, swings_at
 from pipeline.film.parts import Marking, Tracks
 
 SPEED_TOLERANCE = 0.25  # of the stated speed

@@ -16,8 +16,7 @@ from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Emulsion, Floats, Tracks
 
 if TYPE_CHECKING:
-    from pipeline.film.marks.counting import Count
-    from pipeline.film.marks.swings import Swings
+    from pipeline.film.marks.counting import Count, Swings
 
 INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone

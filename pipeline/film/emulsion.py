@@ -204,9 +204,9 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
         strip = darkness_table(scan.full_scale)[scan.read(first, first + height)]
         open_film = np.full(strip.shape, True) if across is None else across.over(first, *strip.shape) == 0.0
         for j, (low, high) in enumerate(itertools.pairwise(edges)):
-            shown = strip[:, low:high][open_film[:, low:high]]
-            shown = shown if shown.size >= LEAST_PIXELS else strip[:, low:high].ravel()
-            level[i, j], spread[i, j] = _clipped_mean(shown.astype(np.float64))
+            unmarked = strip[:, low:high][open_film[:, low:high]].astype(np.float64)
+            shown = unmarked if unmarked.size >= LEAST_PIXELS else strip[:, low:high].ravel()
+            level[i, j], spread[i, j] = _clipped_mean(shown)
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 

@@ -5,17 +5,15 @@ minute, the departures are fitted by a line, the course and its rate; the latter
 The time axis errs alike over a few marks, and the course over a few rows: the uncertainty is estimated from the scatter
 of sums over two seconds, and from what neighbouring sums share.
 
-A half minute disagrees beyond three sigma; the record says which. That a film does is another question: of a hundred
-honest half minutes some lie beyond three sigma. The film is flagged where a half minute lies further out, or more of
+Of a hundred honest half minutes some lie beyond three sigma. The film is flagged where one lies further out, or more of
 them do, than happens in one honest film of four hundred.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.film.normal_points import course_at, row_times
 from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
@@ -30,19 +28,12 @@ FREE = SUMS - 4  # degrees of freedom that a block's uncertainty has
 CHANCE = 0.0027  # of three sigma
 
 
-@dataclass(frozen=True)
-class PhaseDifference:
+class PhaseDifference(NamedTuple):
     """Phase by the strobe less phase by the rows between the marks."""
 
     start: Floats  # (blocks,) s, of each half minute
     phase: Floats  # (traces, blocks) rad; NaN where either has too few samples
     sigma: Floats  # (traces, blocks) rad, 1 sigma of both readings' noise
-
-    @property
-    def disagree(self) -> NDArray[np.bool_]:
-        """Where the difference is more than three sigma, (traces, blocks)."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray(np.abs(self.phase) > MOST_SIGMAS * self.sigma)
 
     @property
     def contradicts(self) -> bool:
@@ -88,22 +79,17 @@ def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) ->
     marks = np.asarray(strobe.index * axis.interval, dtype=np.float64)
     begin = np.floor(min(samples.time[0], marks[0]) / BLOCK) * BLOCK
     start = np.arange(begin, max(samples.time[-1], marks[-1]), BLOCK)
-    rows = float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))  # a second
-    rate = 2.0 * np.pi / tracks.rows_per_swing * rows
     leads = np.empty((2, 2, len(tracks.course), start.size))  # (strobe and rows, lead and sigma, traces, blocks), s
     for trace in range(len(tracks.course)):
         seconds = row_times(tracks, axis, trace)
-        for which, (times, column, sigma) in enumerate(
-            ((marks, strobe.position, strobe.sigma), (samples.time, samples.column, samples.sigma))
-        ):
-            before, course, after = (
-                course_at(tracks, axis, trace, seconds, times + late) for late in (-STEP, 0.0, STEP)
-            )
-            speed = 0.5 * (after - before) / STEP
+        readings = ((marks, strobe.position, strobe.sigma), (samples.time, samples.column, samples.sigma))
+        for which, (times, column, sigma) in enumerate(readings):
+            before, course, after = (course_at(tracks, axis, trace, seconds, times + by) for by in (-STEP, 0.0, STEP))
+            speed, away = 0.5 * (after - before) / STEP, column[trace] - course
             for block, first in enumerate(start):
-                leads[which, :, trace, block] = _lead(
-                    times - first, column[trace] - course, sigma[trace], course, speed
-                )
+                leads[which, :, trace, block] = _lead(times - first, away, sigma[trace], course, speed)
+    rows = float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))  # a second
+    rate = 2.0 * np.pi / tracks.rows_per_swing * rows
     return PhaseDifference(start, rate * (leads[0, 0] - leads[1, 0]), rate * np.hypot(leads[0, 1], leads[1, 1]))
 
 

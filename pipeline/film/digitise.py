@@ -7,18 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import RefusedError, UsageError
 from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
 from data_schemas.film_edits import FilmEdits, load_edits
+from pipeline.film.following import Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import READINGS, Reading, read_film
+from pipeline.film.reading import READINGS, Reading, read_traces
 from pipeline.film.record import make_record
 from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from pipeline.film.following import Progress
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -114,7 +113,10 @@ def read(
         if edits is not None:
             raise UsageError("rows: edits count on the whole film; give times instead, or no edits")
         scan = scan.part(*rows)
-    return read_film(scan, known, reading=reading, rate=rate, edits=edits, jobs=jobs, progress=progress), known
+    traces, axis = find_time(scan, known, reading, edits, jobs, progress)
+    if isinstance(axis, RefusedError):
+        raise axis
+    return read_traces(traces, axis, known, reading=reading, rate=rate, jobs=jobs), known
 
 
 def open_film(

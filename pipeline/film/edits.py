@@ -8,9 +8,10 @@ were made.
 from __future__ import annotations
 
 import itertools
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,10 +61,8 @@ class Placed:
 
     def hides(self, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
         """Which of some places lie in a mask."""
-        found = np.zeros(np.shape(rows), dtype=bool)
-        for corners in self.masks:
-            found |= contains(corners, rows, columns)
-        return found
+        none = np.zeros(np.shape(rows), dtype=bool)
+        return np.asarray(np.any([none, *(contains(corners, rows, columns) for corners in self.masks)], axis=0))
 
     def courses(self, traces: int, rows: int) -> Floats | None:
         """Columns (traces, rows) of the lines that traces follow, NaN elsewhere; None without lines."""
@@ -79,14 +78,12 @@ class Placed:
 
     def stretches(self, rows: int, period: float) -> list[tuple[int, int]]:
         """Rows, first and last, that are to be followed once more, apart from each other and in order."""
-        touched, margin = [*self.masks, *(points for _, points in self.lines)], BESIDE * period
-        joined: list[tuple[int, int]] = []
-        for low, high in sorted((each[:, 0].min() - margin, each[:, 0].max() + margin) for each in touched):
-            first, last = max(int(low), 0), min(int(high), rows - 1)
-            if joined and first <= joined[-1][1]:
-                first, last = joined[-1][0], max(last, joined.pop()[1])
-            joined.append((first, last))
-        return joined
+        again, margin = np.zeros(rows + 2, dtype=bool), BESIDE * period
+        for each in [*self.masks, *(points for _, points in self.lines)]:
+            again[max(int(each[:, 0].min() - margin), 0) + 1 : int(each[:, 0].max() + margin) + 2] = True
+        again[-1] = False
+        edges = np.flatnonzero(np.diff(again))
+        return [(first, stop - 1) for first, stop in edges.reshape(-1, 2).tolist()]
 
     def shows(self, trace: NDArray[np.int64], row: Floats, column: Floats) -> NDArray[np.bool_]:
         """Which places on traces are neither hidden nor ignored."""
@@ -128,12 +125,7 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
     """
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")
-    masks: list[Floats] = []
-    lines: list[tuple[int, Floats]] = []
-    ignored: list[tuple[int, float, float]] = []
-    there: list[tuple[float, float, float]] = []
-    cleared: list[tuple[float, float]] = []
-    breaks: list[float] = []
+    found: dict[type, list[Any]] = defaultdict(list)
     for at, each in enumerate(edits.edits):
         points = each.points if isinstance(each, Mask | Follow) else []
         for row, column in [(each.row, 0.0)] if isinstance(each, Mark | NoMark | Break) else points:
@@ -145,29 +137,25 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
         number = getattr(each, "trace", 1)
         if number > order.size:
             raise RecordError(f"edits[{at}]: there is no trace {number}; the film shows {order.size}")
-        trace, corners = int(order[number - 1]), np.array(points, dtype=np.float64)
+        trace, placed = int(order[number - 1]), found[type(each)]
         match each:
             case Mask():
-                masks.append(corners)
+                placed.append(np.array(points, dtype=np.float64))
             case Follow():
-                lines.append((trace, corners))
+                placed.append((trace, np.array(points, dtype=np.float64)))
             case Ignore():
-                last = scan.rows if each.last_row is None else each.last_row
-                ignored.append((trace, each.first_row or 0.0, last))
+                placed.append((trace, each.first_row or 0.0, scan.rows if each.last_row is None else each.last_row))
             case Mark():
                 seconds = each.seconds(start)
-                there.append((each.row, trace, np.nan if seconds is None else seconds))
+                placed.append((each.row, trace, np.nan if seconds is None else seconds))
             case NoMark():
-                cleared.append((each.row, trace))
+                placed.append((each.row, trace))
             case Break():
-                breaks.append(each.row)
-    marks = MarkEdits(
-        np.array(there, dtype=np.float64).reshape(-1, 3),
-        np.array(cleared, dtype=np.float64).reshape(-1, 2),
-        np.array(breaks),
-    )
-    left_out = frozenset(trace for trace, first, last in ignored if first <= 0.0 and last >= scan.rows)
-    return Placed(edits, masks, lines, ignored, left_out, marks)
+                placed.append(each.row)
+    there, cleared = (np.array(found[kind], dtype=np.float64) for kind in (Mark, NoMark))
+    marks = MarkEdits(there.reshape(-1, 3), cleared.reshape(-1, 2), np.array(found[Break]))
+    left_out = frozenset(trace for trace, first, last in found[Ignore] if first <= 0.0 and last >= scan.rows)
+    return Placed(edits, found[Mask], found[Follow], found[Ignore], left_out, marks)
 
 
 def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:

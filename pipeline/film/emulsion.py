@@ -7,8 +7,9 @@ the middle, clipped again and again.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -52,10 +53,6 @@ class FilmEmulsion:
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
 
     @cached_property
-    def _table(self) -> Floats32:
-        return darkness_table(self.full_scale)
-
-    @cached_property
     def _exposures(self) -> Floats32:
         return self.curve.exposure(np.linspace(0.0, self.curve.darkest, 4096)).astype(np.float32)
 
@@ -75,7 +72,8 @@ class FilmEmulsion:
         shown = self.blank.darkness[top : below[-1] + 1]
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
-        darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), np.float32(self.blur), out)
+        table, blur = darkness_table(self.full_scale), np.float32(self.blur)
+        darkness_above(pixels, table, levels, strip - top, weight.astype(np.float32), blur, out)
         if self.blank.across is None:
             return out
         added = self.blank.across.over(first, rows, columns)
@@ -187,6 +185,7 @@ def bounded_growth(growth: float, blank: float) -> float:
     return float(np.clip(growth, LEAST_GROWTH, max(STEEPEST_GRAIN * blank, LEAST_GROWTH)))
 
 
+@lru_cache
 def darkness_table(full_scale: int) -> NDArray[np.float32]:
     """Log10 of full scale over pixel, for every value a pixel can have."""
     values = np.arange(full_scale + 1, dtype=np.float64)
@@ -196,19 +195,17 @@ def darkness_table(full_scale: int) -> NDArray[np.float32]:
 
 def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
     """Blank film from strips spread over the whole scan, between the time marks `across` it."""
-    table = darkness_table(scan.full_scale)
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
     height = min(STRIP_ROWS, scan.rows)
     firsts = np.linspace(0, scan.rows - height, strips).astype(int)
     edges = np.linspace(0, scan.columns, max(1, round(scan.columns / BLOCK_COLUMNS)) + 1).astype(int)
-    level, spread = np.empty((strips, edges.size - 1)), np.empty((strips, edges.size - 1))
+    level, spread = np.empty((2, strips, edges.size - 1))
     for i, first in enumerate(firsts.tolist()):
-        strip = table[scan.read(first, first + height)]
+        strip = darkness_table(scan.full_scale)[scan.read(first, first + height)]
         open_film = np.full(strip.shape, True) if across is None else across.over(first, *strip.shape) == 0.0
-        for j in range(edges.size - 1):
-            block = slice(edges[j], edges[j + 1])
-            unmarked = strip[:, block][open_film[:, block]].astype(np.float64)
-            shown = unmarked if unmarked.size >= LEAST_PIXELS else strip[:, block].ravel()
+        for j, (low, high) in enumerate(itertools.pairwise(edges)):
+            unmarked = strip[:, low:high][open_film[:, low:high]].astype(np.float64)
+            shown = unmarked if unmarked.size >= LEAST_PIXELS else strip[:, low:high].ravel()
             level[i, j], spread[i, j] = _clipped_mean(shown)
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
@@ -253,15 +250,13 @@ def _clipped_mean(values: Floats) -> tuple[float, float]:
 
 def _smoothed(level: Floats) -> Floats:
     """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
-    padded = np.pad(np.pad(level, ((1, 1), (0, 0)), **_edge(level.shape[0])), ((0, 0), (1, 1)), **_edge(level.shape[1]))
+    padded = level
+    for axis, size in enumerate(level.shape):  # on along the slope at the edges, so that vignette does not stand out
+        way: Any = {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
+        padded = np.pad(padded, [(int(axis == k),) * 2 for k in range(2)], **way)
     median = median_filter(padded, 3)[1:-1, 1:-1]
     away = np.abs(level - median)
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
-
-
-def _edge(size: int) -> dict[str, Any]:
-    """How to go on beyond the edge: along the slope there, so that vignette does not stand out."""
-    return {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
 
 
 @kernel

@@ -152,7 +152,7 @@ def find_time(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[FilmTraces, TimeAxis | RefusedError]:
-    """The film turned the right way with its traces, and its time or why that is refused; as of `reading.read_film`.
+    """The film turned the right way with its traces, and its time or why that is refused; as of `digitise.read`.
 
     `RefusedError`: no trace can be followed.
     """

@@ -85,7 +85,8 @@ class Known:
         """Traces as the user names or the description lists them, empty where neither does."""
         if not self.options.traces:
             return self.description.traces
-        names, combinations = [], {}
+        names: list[str] = []
+        combinations: dict[str, str] = {}
         for text in self.options.traces:
             name, colon, combination = text.partition(":")
             if not name or (colon and not combination):
@@ -93,8 +94,7 @@ class Known:
             if name in names:
                 raise UsageError(f"--trace names '{name}' twice; give each trace once")
             names.append(name)
-            if colon:
-                combinations[name] = combination
+            combinations |= {name: combination} if colon else {}
         combinations |= self.options.combinations
         labels, matrix = combine(names, combinations)
         described = {trace.name: trace for trace in self.description.traces}
@@ -102,9 +102,7 @@ class Known:
         for name, row in zip(names, matrix, strict=True):
             known: dict[str, Any] = described[name].model_dump() if name in described else {"name": name}
             if name not in described or name in combinations:
-                known["combination"] = {
-                    label: float(weight) for label, weight in zip(labels, row, strict=True) if weight
-                }
+                known["combination"] = {each: float(weight) for each, weight in zip(labels, row, strict=True) if weight}
             found.append(DescribedTrace.model_validate(known))
         return tuple(found)
 
@@ -167,9 +165,7 @@ class Known:
         `UsageError`: it is, and periods or their gravity are not known.
         """
         known, labels = self.description, [str(each.label) for each in pendulums]
-        values: dict[str, Any] = {
-            key: value for key, value in known.instrument.model_dump().items() if value is not None
-        }
+        values = {key: value for key, value in known.instrument.model_dump().items() if value is not None}
         for name in COURSES:  # straight between readings, the first before them and the last after
             read = [(each.time, getattr(each, name)) for each in known.readings if getattr(each, name) is not None]
             if read:
@@ -180,12 +176,12 @@ class Known:
                 values[key] = np.array(stated, dtype=np.float64)
         if self.options.gravity is not None:
             values["reference_gravity"] = self.options.gravity
-        for each in pendulums if needed else ():
-            if each.period is None:
-                raise UsageError(
-                    f"pendulum {each.label} has no period, which gravity needs; add --period {each.label}=SECONDS, "
-                    "or say with --trace what the traces are"
-                )
+        unknown = [each.label for each in pendulums if each.period is None] if needed else []
+        if unknown:
+            raise UsageError(
+                f"pendulum {unknown[0]} has no period, which gravity needs; add --period {unknown[0]}=SECONDS, "
+                "or say with --trace what the traces are"
+            )
         if needed and "reference_gravity" not in values:
             raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
         names = {PENDULUM: labels}
@@ -200,9 +196,8 @@ class Known:
             return None
         if clock is not None:
             values.setdefault("chronometer_rate", 0.0)
-            values["chronometer_rate_uncertainty"] = float(
-                np.hypot(values.get("chronometer_rate_uncertainty", 0.0), clock)
-            )
+            stated_sigma = values.get("chronometer_rate_uncertainty", 0.0)
+            values["chronometer_rate_uncertainty"] = float(np.hypot(stated_sigma, clock))
         if scale is not None:
             values["scale_uncertainty"] = scale
         instrument = dataset("instrument", values, names)

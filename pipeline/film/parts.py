@@ -89,9 +89,8 @@ class TimeAxis:
     @property
     def rows_per_second(self) -> float:
         """Mean speed of the film, from the marks; NaN without two."""
-        if self.index.size < 2:
-            return float("nan")
-        return float((self.row[-1] - self.row[0]) / ((self.index[-1] - self.index[0]) * self.interval))
+        few = self.index.size < 2
+        return float("nan") if few else float(np.ptp(self.row) / (np.ptp(self.index) * self.interval))
 
     @property
     def usual_rows_per_second(self) -> float:

@@ -17,7 +17,7 @@ from pipeline.film.scan.opening import MM_PER_INCH, OpenScan
 
 if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
-    from pipeline.film.following import FilmTraces, Progress
+    from pipeline.film.following import FilmTraces
 
 READINGS = ("auto", "continuous", "strobe")
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
@@ -59,7 +59,7 @@ class Reading:
 
     @property
     def accepted_fraction(self) -> float:
-        """Part of the rows within the marks' reach that was accepted, of all traces together."""
+        """As of `accepted_fraction`."""
         return accepted_fraction(self.tracks, self.axis)
 
     @property
@@ -92,33 +92,13 @@ class Reading:
         return np.where(np.isfinite(axis.seconds), strobe.qc[:, nearest], flags)
 
 
-def read_film(
-    scan: OpenScan,
-    known: Known,
-    *,
-    reading: str = "auto",
-    rate: float | None = None,
-    edits: FilmEdits | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> Reading:
-    """Read a film of which nothing need be known; the rest as of `digitise.digitise`.
-
-    `RefusedError`: the film shows no trace, or no time, that can be trusted; `RecordError`: nothing says how large a
-    pixel is, or the edits are none of this film.
-    """
-    from pipeline.film.following import find_time
-
-    traces, axis = find_time(scan, known, reading, edits, jobs, progress)
-    if isinstance(axis, RefusedError):
-        raise axis
-    return read_traces(traces, axis, known, reading=reading, rate=rate, jobs=jobs)
-
-
 def read_traces(
     traces: FilmTraces, axis: TimeAxis, known: Known, *, reading: str = "auto", rate: float | None = None, jobs: int = 1
 ) -> Reading:
-    """The samples of a film whose traces and time are known; parameters and faults as of `read_film`."""
+    """The samples of a film whose traces and time are known; the rest as of `digitise.digitise`.
+
+    `RefusedError`: nothing of a trace could be read; `RecordError`: nothing says how large a pixel is.
+    """
     from pipeline.film.strobe.reading import read_at_marks
 
     scan, tracks = traces.scan, traces.tracks

@@ -15,7 +15,7 @@ from data_schemas.variables import attributes, dataset
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.knowledge import Known, default_traces
-from pipeline.film.parts import Floats, TimeAxis
+from pipeline.film.parts import Floats
 from pipeline.film.reading import Reading
 from pipeline.film.wander import Paper, paper_motion
 
@@ -71,6 +71,9 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     for first, last, by in axis.doubts:
         doubtful[(samples.time >= first) & (samples.time <= last)] = by
     by_rows = reading.kind != "strobe"  # at the marks the times are exact
+    described, files = known.description, ", ".join(path.name for path in reading.scan.paths)
+    source = f"{files}; seconds count from a full minute of the chronometer, which one the film does not say"
+    time_words = {**attributes("time"), "units": f"seconds since {described.start_time}"}
     film = dataset(
         "film",
         {
@@ -78,20 +81,26 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
             "speed": axis.rows_per_second * reading.scale,
             "mark_interval": axis.interval,
             "scale": reading.scale,
-            "source_file": ", ".join(path.name for path in reading.scan.paths),
+            "source_file": files,
             "source_sha256": ", ".join(reading.scan.sha256),
         }
         | ({} if known.description.gap is None else {"gap": known.description.gap}),
         {"trace": [trace.name for trace in traces]},
     )
-    film.attrs = {
-        **findings(reading, paper),
-        "trace_offset": (axis.offset[order] - axis.offset[order[0]]) * reading.scale,
-        "resting_column": rest[order],
-        "assumed": "; ".join(known.assumptions(traces)),
-    }
+    film.attrs = findings(reading, paper) | {"assumed": "; ".join(known.assumptions(traces))}
     groups = {
-        "/": _root(reading, known, name),
+        "/": xr.Dataset(
+            coords={"time": ("time", samples.time, time_words)},
+            attrs={
+                "Conventions": CONVENTIONS,
+                "schema": "isochrony-record",
+                "schema_version": VERSION,
+                "record_id": identifier((described.record_id if known.states("record_id") else "") or name),
+                "title": (described.title if known.states("title") else "") or f"pendulum record read from {files}",
+                "history": f"read by isochrony from {files}: {reading.kind} reading",
+                "source": source,
+            },
+        ),
         "/record": dataset(
             "record",
             {
@@ -110,38 +119,19 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     clock = None  # by how much the film's time axis may run wrong, s a day
     if by_rows:
         drift = None if reading.difference is None else clock_uncertainty(reading.difference, period)
-        clock = 86400.0 * max(marks_rate(axis), drift or 0.0)
-    instrument = known.instrument(
-        pendulums, samples.time, clock, scale_error(reading, known.speed), needed=len(traces) > 1
-    )
+        length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
+        line = axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length  # through all marks, its rate
+        clock = 86400.0 * max(line, drift or 0.0)
+    scale = scale_error(reading, known.speed)
+    instrument = known.instrument(pendulums, samples.time, clock, scale, needed=len(traces) > 1)
     if instrument is not None:
         groups["/instrument"] = instrument
     return xr.DataTree.from_dict(groups)
 
 
-def _root(reading: Reading, known: Known, name: str) -> xr.Dataset:
-    import xarray as xr
-
-    described = known.description
-    files = ", ".join(path.name for path in reading.scan.paths)
-    time = {**attributes("time"), "units": f"seconds since {described.start_time}"}
-    return xr.Dataset(
-        coords={"time": ("time", reading.samples.time, time)},
-        attrs={
-            "Conventions": CONVENTIONS,
-            "schema": "isochrony-record",
-            "schema_version": VERSION,
-            "record_id": identifier((described.record_id if known.states("record_id") else "") or name),
-            "title": (described.title if known.states("title") else "") or f"pendulum record read from {files}",
-            "history": f"read by isochrony from {files}: {reading.kind} reading",
-            "source": f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
-        },
-    )
-
-
 def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
     """What a reader of the record should know of the reading and of the paper's motion, as attributes of /film."""
-    axis, difference = reading.axis, reading.difference
+    axis = reading.axis
     found: dict[str, Any] = {
         "reading": reading.kind,
         "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
@@ -157,9 +147,6 @@ def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
     }
     if reading.edits is not None:
         found["edits"] = reading.edits.text()
-    if difference is not None:
-        found["reading_difference_start"] = difference.start
-        found["reading_difference_disagrees"] = difference.disagree.any(axis=0).astype(np.uint8)
     if paper is not None:
         found["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
         found["paper_creases"] = paper.creases
@@ -172,12 +159,6 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     if "dpi-disagrees" not in reading.axis.flags or nominal is None:
         return None
     return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
-
-
-def marks_rate(axis: TimeAxis) -> float:
-    """Relative 1 sigma of the rate of a line through all marks: what their noise leaves, however smooth the paper."""
-    length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
-    return axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length
 
 
 def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:

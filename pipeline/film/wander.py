@@ -68,11 +68,10 @@ def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> P
     for event in found:
         aside, hidden = event.moves(time)
         shift, creased = shift + aside, creased | hidden
-    rest = np.where(creased, np.nan, column - shift)
-    known = [each for each in (slow_part(time, own, period) for own in rest[differences]) if each is not None]
-    common = np.mean(known, axis=0) if known else np.zeros(time.size)
-    if float(np.std(common)) > SHOWS:
-        shift = shift + common
+    rest = np.where(creased, np.nan, column - shift)[differences]
+    known = [each for each in (slow_part(time, own, period) for own in rest) if each is not None]
+    if known and float(np.std(np.mean(known, axis=0))) > SHOWS:
+        shift = shift + np.mean(known, axis=0)
     if not shift.any() and not creased.any():
         return None
     steps = tuple(sorted(event.time for event in found if not event.length))
@@ -108,7 +107,7 @@ def _event(time: Floats, column: Floats, at: float, period: float) -> Event:
     t = time[first:last] - at
     lengths = period * np.array([0.0, *CREASES])
     shapes = np.stack([np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / length) for length in lengths[1:])])
-    base = _terms(t / period)
+    base = _terms(t / period, REACH, 3)
     sizes, weights = np.empty((2, len(column), lengths.size))
     for trace, each in enumerate(column[:, first:last]):
         known = np.isfinite(each)
@@ -131,11 +130,11 @@ def _event(time: Floats, column: Floats, at: float, period: float) -> Event:
     return Event(at, float(lengths[best]), float(size[best]), float(excess[best])) if excess[best] > 0.0 else NONE
 
 
-def _terms(turns: Floats) -> Floats:
-    """What a trace does beside events, (n, k): a swing that changes, on a slow course."""
-    t, angle = turns / REACH, 2.0 * np.pi * turns
-    slow = [np.ones_like(t), t, t**2, t**3]
-    return np.stack([*slow, *(t**k * wave for wave in (np.cos(angle), np.sin(angle)) for k in range(3))], axis=1)
+def _terms(turns: Floats, reach: float, powers: int) -> Floats:
+    """What a trace does over `reach` swings, (n, 4 + 2 powers): a slow course, and a swing whose size changes."""
+    t, angle = turns / reach, 2.0 * np.pi * turns
+    waves = [t**k * wave for wave in (np.cos(angle), np.sin(angle)) for k in range(powers)]
+    return np.stack([*(t**k for k in range(4)), *waves], axis=1)
 
 
 def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:
@@ -147,9 +146,7 @@ def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:
         inside = (np.abs(time - middle) < 0.5 * SWINGS * period) & np.isfinite(column)
         if np.count_nonzero(inside) < LEAST or np.ptp(time[inside]) < 0.7 * SWINGS * period:
             continue
-        t = (time[inside] - middle) / (SWINGS * period)
-        cosine, sine = np.cos(2.0 * np.pi * SWINGS * t), np.sin(2.0 * np.pi * SWINGS * t)
-        terms = np.stack([np.ones_like(t), t, t**2, t**3, cosine, sine, t * cosine, t * sine], axis=1)
+        terms = _terms((time[inside] - middle) / period, SWINGS, 2)
         values.append(float(np.linalg.lstsq(terms, column[inside], rcond=None)[0][0]))
         middles.append(middle)
     if len(middles) < 4:

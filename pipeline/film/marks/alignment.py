@@ -12,7 +12,7 @@ the paper moves all traces at once: what lasts in their differences is error.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Floats
 
 FARTHEST = 45.0  # px along the film between two traces
-MOST_SHEAR = 0.035  # tangent: 2 degrees
+SHEARS = np.arange(-0.035, 0.035 + 1e-9, 0.00125)  # tangents that are tried, up to 2 degrees
 BIN = 0.4  # px
 ENOUGH = 24  # gaps that agree, from which shear and offset are fitted; marks seen on several traces
 UNEVEN = 0.15  # of the marks' spacing
@@ -33,8 +33,7 @@ SHARED = 0.3  # of the marks' floor, where one trace shows the marks
 Whole = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Alignment:
+class Alignment(NamedTuple):
     """How the traces lie to each other."""
 
     offset: Floats  # (traces,), rows by which each lies later than the first
@@ -42,43 +41,46 @@ class Alignment:
     sure: bool  # whether no other offset comes near
 
 
+class Events(NamedTuple):
+    """Closings of the shutter, in order."""
+
+    row: Floats  # at column 0 of the first trace
+    row_sigma: Floats
+    width: Floats  # rows
+    width_sigma: Floats
+    member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
+
+
 def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
     """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
     offset, sure, shear = np.zeros(traces), True, 0.0
-    reference = gaps.pick(gaps.trace == 0)
+    first = gaps.pick(gaps.trace == 0)
+    reach = FARTHEST + SHEARS[-1] * float(np.ptp(gaps.column))
     for trace in range(1, traces):
         other = gaps.pick(gaps.trace == trace)
-        i, j = _pairs(reference, other)
-        if i.size == 0:
+        low, high = (np.searchsorted(first.row, other.row + side * reach) for side in (-1.0, 1.0))
+        j = np.repeat(np.arange(other.row.size), high - low)
+        if j.size == 0:
             sure = False
             continue
-        tried = np.arange(-MOST_SHEAR, MOST_SHEAR + 1e-9, 0.00125) if trace == 1 else np.array([shear])
-        along, across = other.row[j] - reference.row[i], other.column[j] - reference.column[i]
-        odd = _odd(reference.row, spacing)[i] & _odd(other.row, spacing)[j]
+        i = np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low)
+        tried = SHEARS if trace == 1 else np.array([shear])
+        along, across = other.row[j] - first.row[i], other.column[j] - first.column[i]
+        odd = _odd(first.row, spacing)[i] & _odd(other.row, spacing)[j]
         table, odd_table = (
             np.array([_tally((along - step * across)[which]) for step in tried]) for which in (slice(None), odd)
         )
         which, at, certain = _chosen(table, odd_table, spacing)
-        lag, slant = (at + 1) * BIN - FARTHEST, float(tried[which])
-        for reach in (1.0, 0.5):
-            near = np.abs(along - slant * across - lag) < reach
-            if near.sum() >= ENOUGH and trace == 1:
-                slant, lag = (float(value) for value in np.polyfit(across[near], along[near], 1))
-            elif near.sum() >= ENOUGH:
-                lag = float(np.median(along[near] - slant * across[near]))
-        shear = slant if trace == 1 else shear
-        offset[trace] = lag
         sure &= certain
+        offset[trace], slant = (at + 1) * BIN - FARTHEST, float(tried[which])
+        for within in (1.0, 0.5):
+            near = np.abs(along - slant * across - offset[trace]) < within
+            if near.sum() >= ENOUGH and trace == 1:
+                slant, offset[trace] = np.polyfit(across[near], along[near], 1)
+            elif near.sum() >= ENOUGH:
+                offset[trace] = np.median(along[near] - slant * across[near])
+        shear = float(slant)
     return Alignment(offset, shear, sure)
-
-
-def _pairs(reference: Gaps, other: Gaps) -> tuple[Whole, Whole]:
-    """Gaps of two traces that could be the same closing of the shutter."""
-    apart = np.abs(np.median(other.column) - np.median(reference.column)) if other.size and reference.size else 0.0
-    reach = FARTHEST + MOST_SHEAR * (float(apart) + 300.0)
-    low, high = (np.searchsorted(reference.row, other.row + side * reach) for side in (-1.0, 1.0))
-    j = np.repeat(np.arange(other.size), high - low)
-    return np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low), j
 
 
 def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
@@ -99,7 +101,7 @@ def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
     """Shear and lag of most agreement, and whether no lag a mark or more away comes near."""
     lags = (np.arange(table.shape[1]) + 1) * BIN - FARTHEST
     best_at, turns = int(np.argmax(table.max(axis=0))), int(2 * FARTHEST / spacing) + 1
-    peaks: list[tuple[int, int, int, int]] = []
+    peaks: list[tuple[int, int, int, int]] = []  # odd gaps, gaps, shear and lag of each
     for turn in range(-turns, turns + 1):
         near = np.flatnonzero(np.abs(lags - lags[best_at] - turn * spacing) < 0.3 * spacing)
         if near.size:
@@ -109,38 +111,19 @@ def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
     by_odd, *others = sorted(peaks, key=lambda peak: -peak[0])
     if not others or by_odd[0] - others[0][0] >= LEAD_ODD:
         return by_odd[2], by_odd[3], by_odd[0] >= LEAD_ODD
-    best, second, *_ = sorted(peaks, key=lambda peak: -peak[1])
-    enough = max(LEAD, SHARE * best[1])
-    if best[1] - second[1] >= enough:
-        return best[2], best[3], True
-    nearest = min((peak for peak in peaks if best[1] - peak[1] < enough), key=lambda peak: abs(lags[peak[3]]))
-    return nearest[2], nearest[3], False
-
-
-@dataclass(frozen=True)
-class Events:
-    """Closings of the shutter, in order."""
-
-    row: Floats  # at column 0 of the first trace
-    row_sigma: Floats
-    width: Floats  # rows
-    width_sigma: Floats
-    member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
-
-    @property
-    def size(self) -> int:
-        """Number of events."""
-        return self.row.size
+    most = max(peak[1] for peak in peaks)
+    near_best = [peak for peak in peaks if most - peak[1] < max(LEAD, SHARE * most)]
+    _, _, which, at = min(near_best, key=lambda peak: abs(lags[peak[3]]))
+    return which, at, len(near_best) == 1
 
 
 def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Events:
     """Gaps that lie together on different traces taken for one event."""
     rows = gaps.row - alignment.offset[gaps.trace] - alignment.shear * gaps.column
-    limit = max(TOGETHER * width, 1.0)
     groups: list[list[int]] = []
     for at in np.argsort(rows, kind="stable").tolist():
         last = groups[-1] if groups else []
-        if last and rows[at] - rows[last[0]] < limit and gaps.trace[at] not in gaps.trace[last]:
+        if last and rows[at] - rows[last[0]] < max(TOGETHER * width, 1.0) and gaps.trace[at] not in gaps.trace[last]:
             last.append(at)
         else:
             groups.append([at])
@@ -149,7 +132,7 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
         member[gaps.trace[group], k] = group
         for m, (each, sigma) in enumerate(((rows, gaps.row_sigma), (gaps.width, gaps.width_sigma))):
             weight = sigma[group] ** -2.0
-            values[2 * m, k], values[2 * m + 1, k] = weight @ each[group] / weight.sum(), weight.sum() ** -0.5
+            values[2 * m : 2 * m + 2, k] = weight @ each[group] / weight.sum(), weight.sum() ** -0.5
     order = np.argsort(values[0], kind="stable")
     row, row_sigma, wide, wide_sigma = values[:, order]
     return Events(row, row_sigma, wide, wide_sigma, member[:, order])
@@ -165,10 +148,8 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple
     traces = len(rows)
     used = paper.used & np.isfinite(rows) & np.isfinite(columns)
     weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
-    terms = np.zeros((traces + 2, *rows.shape))  # offsets, shear, residual
-    terms[np.arange(traces), np.arange(traces)] = 1.0
-    terms[traces] = np.where(used, columns, 0.0)
-    terms[traces + 1] = np.where(used, rows - paper.row, 0.0)
+    each_one = np.broadcast_to(np.eye(traces)[:, :, None], (traces, *rows.shape))
+    terms = np.stack([*each_one, np.where(used, columns, 0.0), np.where(used, rows - paper.row, 0.0)])
     several = used.sum(axis=0) > 1
     if several.sum() >= ENOUGH:
         weight[:, ~several] = 0.0
@@ -178,15 +159,13 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple
     free = [*range(1, traces), traces] if traces > 1 else [0, 1]  # of one trace, what lies even is the paper's
     matrix = normal[np.ix_(free, free)]
     spread = np.linalg.inv(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12))
-    value = spread @ normal[free, traces + 1]
-    offset = np.zeros(traces)
-    offset[1:] = value[:-1] if traces > 1 else 0.0
+    *offset, shear = spread @ normal[free, traces + 1]
     # what all gaps share is the zero of time
-    which, _ = np.nonzero(used)
-    by = np.column_stack([np.eye(traces)[which], columns[used]])
+    by = np.column_stack([np.eye(traces)[np.nonzero(used)[0]], columns[used]])
     by -= weight[used] @ by / max(float(weight[used].sum()), 1e-300)
     variance = np.einsum("ni,ij,nj->n", by[:, free], spread, by[:, free])
-    return offset, float(value[-1]), float(np.sqrt(np.mean(variance))) if which.size else 0.0
+    unsure = float(np.sqrt(np.mean(variance))) if variance.size else 0.0
+    return np.array([0.0, *offset[: traces - 1]]), float(shear), unsure
 
 
 def lasting(rows: Floats, paper: Drive) -> float:

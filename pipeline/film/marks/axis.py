@@ -40,8 +40,7 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
     if across is not None:
         unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
     paper = honest_gaps(freed, sigma, paper)
-    shift = 0 if minutes.residue is None else -minutes.residue % round(60.0 / marking.interval)
-    shift = shift if counted.clock is None else counted.clock
+    shift = -(minutes.residue or 0) % minutes.cycle if counted.clock is None else counted.clock
     hidden, hidden_speed = aliased(freed, paper)
     lasts = float(np.linalg.norm([lasting(freed, paper), unsure, hidden]))
     seconds, seconds_sigma = times_of(paper, tracks.course.shape[1], lasts)
@@ -60,8 +59,7 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
         flags=_flags(counted, seen.size, marking.directed, across is not None),
         rate_sigma=float(np.sqrt(np.mean(relative))),
         doubts=tuple(
-            ((first + shift) * marking.interval, (last + shift) * marking.interval, by)
-            for first, last, by in counted.doubts
+            ((a + shift) * marking.interval, (b + shift) * marking.interval, by) for a, b, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
         mark_sigma=_mark_sigma(freed, sigma, paper, hidden),
@@ -106,12 +104,10 @@ def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
 
     Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
 
-    The variance is the sum of three. At the marks, that of the drive's smoother, which knows the gaps' noise and how
-    rough the paper ran, both as the film itself shows them; between two marks, what a motion as rough may do unseen
-    while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the share
-    x of the way h; and that of `lasting`, px: errors that neighbouring marks share, of their gaps, the traces' offsets
-    and the shear, which no smoother tells from motion. It is that of a time read on any trace; the zero of time, common
-    to all rows, is not in it.
+    The variance is the sum of three: of the drive's smoother at the marks; between two, what a motion as rough may do
+    unseen while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the
+    share x of the way h; and of `lasting`, px: errors that neighbouring marks share, of their gaps, offsets and shear,
+    which no smoother tells from motion. The zero of time, common to all rows, is not in it.
     """
     from scipy.interpolate import BPoly, CubicSpline
 

@@ -3,6 +3,9 @@
 The cheapest path through all events, each a mark of some number or none (Viterbi). A step goes from one event to a
 later one and counts d marks. Its cost: marks missed, events passed over, speed unlike that of the step before, and
 pendulums that did not swing d marks' time meanwhile.
+
+The pendulums are a second clock: over a mark's interval a pendulum's phase advances by the same amount to 1e-3 and
+better, whatever the paper does; a count of marks that slips by one shows as half a swing.
 """
 
 from __future__ import annotations
@@ -10,15 +13,15 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.search import commonest
-from pipeline.film.marks.swings import Swings
-from pipeline.film.parts import Floats
+from pipeline.film.parts import Floats, Tracks
 from synth.kernels.compiled import kernel
 
 SLACK = 0.24  # of the speed over the whole film: drift, wow and short changes together
@@ -39,6 +42,110 @@ ALIKE = float(np.exp(0.08))  # ratio of the commonest distances of marks
 ALONE = 4  # marks missing on either side of one that nothing vouches for
 WORST = 30.0  # mean cost of a step from which nothing was understood
 Whole = NDArray[np.int64]
+HALF = 0.75  # swings on either side in which the phase is fitted
+LEAST_SWING = 4.0  # px, of its amplitude
+FARTHEST, CARRIED = 1.2, 0.3  # windows' halves over which a phase is carried; rad, 1 sigma, of one half
+RANGE, STEP = (0.85, 1.15), 0.005  # speeds for which the fit is prepared
+CENTRED = 1e-3  # rad2, least variance of a phase that was carried
+NEAR = 8  # marks on either side over which a phase is averaged
+NEAR_MARK, NEXT = 0.13, 0.06  # of the spacing, by which marks may lie off it over the film, and locally
+
+
+class Swings(NamedTuple):
+    """Phases of the traces' swings at events, rad; NaN where unknown."""
+
+    phase: Floats  # (traces, events)
+    extra: Floats  # (traces, events), variance of each beside that of `sigma`
+    advance: Floats  # (traces,), from mark to mark, -pi to pi
+    sigma: Floats  # (traces,), 1 sigma of a phase
+    lost: Floats  # (events,), rows before each event on which no trace is followed
+
+    def at(self, which: slice | NDArray[np.int64]) -> Swings:
+        """At some of the events."""
+        return self._replace(phase=self.phase[:, which], extra=self.extra[:, which], lost=self.lost[which])
+
+    @property
+    def centred(self) -> Floats:
+        """Phases that were not carried there; NaN for others."""
+        return np.where(self.extra < CENTRED, self.phase, np.nan)
+
+
+def swings_at(tracks: Tracks, events: Events, places: Floats, spacing: float) -> Swings:
+    """Swings at events, which lie on each trace at `places` (traces, events); `spacing` is that of marks."""
+    from scipy.ndimage import median_filter
+
+    rows = events.row
+    apart, stretch = np.diff(rows), np.ones(rows.size)  # rows per second over the film's mean, by the neighbours
+    good = np.abs(apart - spacing) < NEAR_MARK * spacing
+    if good.sum() >= 3:
+        calm = median_filter(apart[good], 5, mode="nearest")
+        stretch = np.asarray(np.interp(rows, 0.5 * (rows[1:] + rows[:-1])[good], calm) / spacing)
+    lost = np.concatenate([[0], np.cumsum(~np.isfinite(tracks.course).any(axis=0))])
+    before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
+    phase, extra = _phases(tracks, places, stretch)
+    advance, sigma = np.full((2, len(places)), np.nan)
+    swings = Swings(phase, extra, advance, sigma, before)
+    next_one = np.abs(apart / (spacing * stretch[1:]) - 1.0) < NEXT
+    for trace, each in enumerate(swings.centred):
+        step = np.diff(each)[next_one]
+        step = step[np.isfinite(step)]
+        if step.size < 8:
+            continue
+        centre = np.angle(np.exp(1j * step).sum())
+        for _ in range(5):
+            centre += np.median(np.angle(np.exp(1j * (step - centre))))
+        away = np.angle(np.exp(1j * (step - centre)))
+        advance[trace], sigma[trace] = centre, max(1.4826 * float(np.median(np.abs(away))), 0.01)
+    return swings._replace(extra=extra + (2.0 * np.pi / tracks.rows_per_swing * events.row_sigma) ** 2)
+
+
+def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floats]:
+    """Phase of every trace's swing at rows of that trace, rad, and the variance it has from being carried there.
+
+    Where the trace is lost near a row, the phase is that of the nearest whole piece, carried on at its frequency; both
+    results are (traces, n), NaN where that is too far or the swing too small. `stretch` (n,) are the rows per second
+    there over the film's mean.
+    """
+    from scipy.ndimage import distance_transform_edt, maximum_filter1d
+
+    half = max(round(HALF * tracks.rows_per_swing), 3)
+    x = np.arange(-half, half + 1.0)
+    speed = np.round(np.clip(stretch, *RANGE) / STEP).astype(np.int64)
+    out, extra = np.full((2, *rows.shape), np.nan)
+    for trace, course in enumerate(tracks.course):
+        broken = maximum_filter1d(~np.isfinite(course), 2 * half + 1)
+        broken[:half] = broken[-half:] = True
+        if broken.all():
+            continue
+        whole: Any = distance_transform_edt(broken, return_distances=False, return_indices=True)
+        middle = np.nan_to_num(rows[trace], nan=-1e9) - 0.5
+        near = whole[0][np.clip(np.round(middle), 0, course.size - 1).astype(np.int64)]
+        carried = middle - near
+        inside = np.abs(carried) <= FARTHEST * half
+        for which in np.unique(speed[inside]):
+            turn = 2.0 * np.pi / (tracks.rows_per_swing * which * STEP)
+            taps = np.linalg.pinv(
+                np.stack([np.cos(turn * x), np.sin(turn * x), *[(x / half) ** k for k in range(4)]]).T
+            )
+            at = np.flatnonzero(inside & (speed == which))
+            cos, sin = taps[:2] @ course[near[at][:, None] + np.arange(-half, half + 1)].T
+            phase = np.arctan2(-sin, cos) + turn * carried[at]
+            out[trace, at] = np.where(np.hypot(cos, sin) > LEAST_SWING, phase, np.nan)
+        extra[trace, inside] = (CARRIED * np.maximum(np.abs(carried[inside]) - 1.0, 0.0) / half) ** 2
+    return out, extra
+
+
+def jumps(index: Floats, swings: Swings) -> Floats:
+    """Jump of the pendulums' phase at each mark of number `index`, the smallest of all traces, rad; NaN = unknown."""
+    out = np.full((len(swings.phase), index.size), np.inf)
+    for trace, (phase, advance) in enumerate(zip(swings.centred, swings.advance, strict=True)):
+        known = np.flatnonzero(np.isfinite(phase) & np.isfinite(advance))
+        if known.size >= 2 * NEAR:
+            turned = np.exp(1j * (phase[known] - advance * index[known]))
+            sums = np.convolve(turned, np.ones(NEAR), "valid")  # of NEAR marks, by their first
+            out[trace, known[NEAR : known.size - NEAR + 1]] = np.abs(np.angle(sums[NEAR:] * np.conj(sums[:-NEAR])))
+    least = out.min(axis=0)
+    return np.where(np.isfinite(least), least, np.nan)
 
 
 class Steps(NamedTuple):
@@ -48,6 +155,7 @@ class Steps(NamedTuple):
     end: Whole  # event
     marks: Whole
     most: Floats  # cost of the speed's change before and after it
+    cost: Floats  # of each by itself: marks missed, events passed over, and swings that do not fit
 
 
 class Pace(NamedTuple):
@@ -67,6 +175,10 @@ class Count:
     event: Whole  # (marks,)
     index: Whole  # (marks,), their numbers from 0 on
     lead: Floats  # (marks - 1,), of the count to the next mark before any other, as a difference of chi squares
+
+    def part(self, first: int, stop: int) -> Count:
+        """Some of the marks."""
+        return Count(self.event[first:stop], self.index[first:stop], self.lead[first : stop - 1])
 
 
 def spacing_of(rows: Floats) -> float:
@@ -96,16 +208,15 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
     return float(np.clip(near, *CHANGE)), float(np.clip(far, *MOST_CHANGE))
 
 
-def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Count:
-    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px.
+def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float, breaks: Floats) -> Count:
+    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px; over each of `breaks`, px, one mark.
 
     `RefusedError`: no path leads from the film's start to its end.
     """
-    steps = list_steps(rows, spacing, swings)
-    cost = costs(steps, swings)
+    steps = list_steps(rows, spacing, swings, breaks)
     first_of = np.searchsorted(steps.end, np.arange(rows.size + 1))
     pace = Pace(rows, np.hypot(sigma, FLOOR), spacing, *unsteadiness(rows, spacing))
-    forward, backward, before = count_marks(pace, steps, cost, first_of)
+    forward, backward, before = count_marks(pace, steps, first_of)
     whole = forward + backward
     if not np.isfinite(whole.min(initial=np.inf)):
         raise RefusedError(
@@ -137,41 +248,37 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float) -> Coun
     return Count(event[kept], index[kept], np.array([lead[a:b].min() for a, b in itertools.pairwise(kept)]))
 
 
-def list_steps(row: Floats, spacing: float, swings: Swings) -> Steps:
-    """All steps that could be meant."""
+def list_steps(row: Floats, spacing: float, swings: Swings, breaks: Floats) -> Steps:
+    """All steps that could be meant; one over a break counts one mark, at any speed and phase."""
     end = np.repeat(np.arange(row.size), SKIP)
     begin = end - np.tile(np.arange(SKIP, 0, -1), row.size)
     begin, end = begin[begin >= 0], end[begin >= 0]
     length = (row[end] - row[begin]) / spacing
     low = np.maximum(np.ceil(length / (1.0 + SLACK)), 1.0).astype(np.int64)
     high = np.floor(length / (1.0 - SLACK)).astype(np.int64)
-    number = np.maximum(high - low + 1, 0)
+    broken = np.searchsorted(breaks, row[end]) > np.searchsorted(breaks, row[begin])
+    low, number = np.where(broken, 1, low), np.where(broken, 1, np.maximum(high - low + 1, 0))
     pair = np.repeat(np.arange(begin.size), number)
     marks = low[pair] + np.arange(pair.size) - (np.cumsum(number) - number)[pair]
     lost = swings.lost[end] - swings.lost[begin] > UNSEEN * (row[end] - row[begin])
-    most = np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf)
-    return Steps(begin[pair], end[pair], marks, most)
-
-
-def costs(steps: Steps, swings: Swings) -> Floats:
-    """Cost of every step by itself: marks missed, events passed over, and swings that do not fit."""
-    begin, end, count, _ = steps
-    cost = MISSED * np.where(count < 6, count - 1.0, 5.0 + 0.1 * (count - 6.0)) + PASSED * (end - begin - 1.0)
+    most = np.where(broken[pair], 0.0, np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf))
+    begin, end = begin[pair], end[pair]
+    cost = MISSED * np.where(marks < 6, marks - 1.0, 5.0 + 0.1 * (marks - 6.0)) + PASSED * (end - begin - 1.0)
     for phase, extra, advance, sigma in zip(*swings[:4], strict=True):
-        away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * count)))
-        variance = 2.0 * sigma**2 + WANDER**2 * count + extra[begin] + extra[end]
-        cost += np.where(np.isfinite(away), np.minimum(away**2 / variance, PHASE_MOST), 0.0)
-    return np.asarray(cost)
+        away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * marks)))
+        variance = 2.0 * sigma**2 + WANDER**2 * marks + extra[begin] + extra[end]
+        cost += np.where(np.isfinite(away) & (most > 0.0), np.minimum(away**2 / variance, PHASE_MOST), 0.0)
+    return Steps(begin, end, marks, most, cost)
 
 
 @kernel
-def count_marks(pace: Pace, steps: Steps, cost: Floats, first_of: Whole) -> tuple[Floats, Floats, Whole]:
+def count_marks(pace: Pace, steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
     """Least cost of all paths up to and including each step, and of all paths after it; the step before it.
 
     The steps that end at each event begin at `first_of` (events + 1,). Paths begin and end within the first and last
     `SKIP` events.
     """
-    events, total = pace.row.size, cost.size
+    events, total, cost = pace.row.size, steps.cost.size, steps.cost
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     for k in range(total):
         a = steps.begin[k]

@@ -212,14 +212,22 @@ def fitted(lines: Lines) -> Gaps:
         if part.size <= start.size:
             continue
         at = begin + np.arange(part.size) + 0.5
-        fit = least_squares(_misfit, start, args=(at, part, lines.noise), method="lm")
+
+        def misfit(value: Floats, at: Floats = at, part: Floats = part) -> Floats:
+            """Level, and row, sigma and light of each peak, against what is there, in sigmas."""
+            row, wide, area = value[1:].reshape(-1, 3).T[:, :, None]
+            shown = np.sum(area / wide * np.exp(-0.5 * ((at - row) / wide) ** 2), axis=0)
+            return np.asarray((value[0] + shown - part) / lines.noise)
+
+        fit = least_squares(misfit, start, method="lm")
         jacobian = np.asarray(fit.jac)
         excess = max(1.0, 2.0 * fit.cost / (part.size - start.size))
         sigma = np.sqrt(excess * np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
-        found += [(fit.x[k], sigma[k], fit.x[k + 2], sigma[k + 2]) for k in range(1, start.size, 3)]
-    row, sigma, light, light_sigma = np.array(sorted(found)).T
-    good = (sigma < usual) & (np.abs(light) > 0.0)
-    row, sigma, light, light_sigma = row[good], sigma[good], np.abs(light[good]), light_sigma[good]
+        found += [(fit.x[k], sigma[k], abs(fit.x[k + 2]), sigma[k + 2]) for k in range(1, start.size, 3)]
+    found = sorted(each for each in found if each[1] < usual and each[2] > 0.0)
+    if not found:
+        raise NoMarksError(NONE)
+    row, sigma, light, light_sigma = np.array(found).T
     none, one = np.zeros(row.size), np.ones(row.size)
     width = light / np.median(light), light_sigma / np.median(light)
     return Gaps(none.astype(np.int64), row, sigma, none, none, none, *width, one, none, one, one)
@@ -234,11 +242,3 @@ def widened(marks: Gaps) -> Floats:
 
     more = marks.width / median_filter(marks.width, NEIGHBOURS, mode="nearest") - 1.0
     return marks.row[(more > max(BROADER[0], STANDS_OUT * float(np.median(np.abs(more))))) & (more < BROADER[1])]
-
-
-def _misfit(value: Floats, at: Floats, light: Floats, noise: float) -> Floats:
-    """Level, and row, sigma and light of each peak, against what is there, in sigmas."""
-    row, wide, area = value[1:].reshape(-1, 3).T[:, :, None]
-    return np.asarray(
-        (value[0] + np.sum(area / wide * np.exp(-0.5 * ((at - row) / wide) ** 2), axis=0) - light) / noise
-    )

@@ -7,7 +7,7 @@ Read backwards, a second gap comes before the minute's mark instead of after it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,22 +24,40 @@ ABOUT = 6  # marks that show the paper's speed at the ends
 LONELY = 3.0  # minutes under which a film may show one full minute only
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
-FAR = 3  # marks missing around an event whose place is not told
+FAR = 3  # marks missing around an event whose place is not known
 
 
 class TimeReversedError(RefusedError):
     """The film lies upside down: its minute code reads backwards."""
 
 
-@dataclass(frozen=True)
-class Minutes:
-    """Where full minutes were found."""
+class Minutes(NamedTuple):
+    """Codes of full minutes."""
 
-    residue: int | None = None  # of the full minutes' marks, modulo the marks of a minute; None: no code was found
     kind: str = "none"  # or "double", "long", "omitted"
-    delay: float = np.nan  # of the second gap, s
-    seen: int = 0  # codes that agree with the count
-    against: int = 0  # most codes that lie out of it by the same number of marks
+    number: Floats = np.empty(0)  # of the marks that look coded, also of those that contradict the others
+    cycle: int = 120  # marks a minute
+    residue: int | None = None  # of the full minutes' marks, modulo `cycle`; None: no code is believed
+
+    @property
+    def agree(self) -> Floats:
+        """Numbers of the full minutes' marks, of those that are coded."""
+        return np.asarray(self.number[np.mod(self.number, self.cycle) == self.residue])
+
+    @property
+    def seen(self) -> int:
+        """How many codes agree with the count."""
+        return 0 if self.residue is None else self.agree.size
+
+    @property
+    def against(self) -> int:
+        """Most codes that are out of step by the same number of marks, as all behind a slip are."""
+        tally = np.bincount(np.mod(self.number, self.cycle).astype(np.int64), minlength=self.cycle)
+        if self.kind in ("none", "double"):
+            return int(np.delete(tally, self.residue or 0).max())
+        usual = float(np.median(tally))  # marks are long or missing for other reasons, too
+        near = max(tally[((self.residue or 0) + k) % self.cycle] for k in (-2, -1, 1, 2))
+        return max(int(near - usual - 3.0 * np.sqrt(usual + 1.0)), 0)
 
 
 def places(events: Events, count: Count) -> Floats:
@@ -55,7 +73,7 @@ def places(events: Events, count: Count) -> Floats:
         beyond = away * np.sign(step) < 0.0
         out[beyond] = np.where(np.abs(away) < 1.0, count.index[first] + away, np.nan)[beyond]
     gap = np.concatenate([[0], np.diff(count.index), [0, 0]])
-    out[gap[np.searchsorted(row, events.row)] > FAR] = np.nan  # too far from the next mark to tell
+    out[gap[np.searchsorted(row, events.row)] > FAR] = np.nan
     return out
 
 
@@ -64,107 +82,89 @@ def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
 
     `TimeReversedError`: the code reads backwards.
     """
-    interval, delay, cycle = marking.interval, marking.minute_code or None, round(60.0 / marking.interval)
-    if abs(cycle * interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
+    cycle = round(60.0 / marking.interval)
+    if abs(cycle * marking.interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
         return Minutes()
     spread = max((count.index[-1] - count.index[0]) / cycle, 1.0)
-    place = places(events, count)
-    place = place[np.isfinite(place) & ~np.isin(np.arange(events.size), count.event)]
-    double = marking.code == "double" or (marking.code is None and marking.minute_code != 0.0)
-    ahead = _second_gaps(place, cycle, interval, delay) if double else Minutes()
-    behind = _second_gaps(place, cycle, interval, -delay) if double and delay is not None else Minutes()
-    enough = max(LEAST, SHARE * spread * 0.5)
-    if delay is not None and place.size == 1 and spread < LONELY:
-        enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
-    if max(ahead.seen, behind.seen) >= enough:
-        late, early = ahead.seen, behind.seen
-        if delay is None and ahead.delay > 0.5 * interval:  # a code follows its minute's mark
-            late, early = 0, ahead.seen
-        if early > late + 2 * ahead.against:
-            backwards = f"({early} of its second marks come before the minute's mark, {late} after it)"
-            if marking.directed:
-                raise RefusedError(
-                    f"film: with the --orientation given, the minute code reads backwards {backwards}; "
-                    "leave it out, state the code's delay, or say --marks none"
-                )
-            raise TimeReversedError(
-                f"film: the minute code reads backwards {backwards}: the film lies upside down; "
-                "turn the scan by 180 degrees, or state the code's delay"
-            )
-        return ahead
+    late = early = Minutes()
+    if marking.code == "double" or (marking.code is None and marking.minute_code != 0.0):
+        place = places(events, count)
+        place = place[np.isfinite(place) & ~np.isin(np.arange(events.row.size), count.event)]
+        if marking.minute_code:
+            after = marking.minute_code / marking.interval
+            late, early = _coded(place, after, cycle), _coded(place, -after, cycle)
+        else:
+            after = _commonest_fraction(place, cycle)
+            ahead, behind = _coded(place, after, cycle), _coded(place, after - 1.0, cycle)
+            late, early = (ahead, early) if after < 0.5 else (late, behind)
+        enough = max(LEAST, SHARE * spread * 0.5)
+        if marking.minute_code and place.size == 1 and spread < LONELY:
+            enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
+        against = (late if marking.minute_code else early).against
+        if early.seen >= enough and early.seen > late.seen + 2 * against:
+            raise _upside_down(early.seen, late.seen, marking.directed)
+        if late.seen >= enough:
+            return late
     width, sigma = events.width[count.event], events.width_sigma[count.event]
     away = np.abs(width - np.median(width))
     odd = count.index[(away > LONGER * np.median(width)) & (away > OWN * sigma)]
     absent = np.setdiff1d(np.arange(count.index[0], count.index[-1]), count.index)
     for kind, index in (("long", odd), ("omitted", absent)):
-        found = _repeated(index, cycle, spread, kind, marking.code == kind)
-        if found is not None and marking.code in (None, kind):
-            return found
-    return Minutes() if ahead.seen < LEAST else ahead
+        if marking.code in (None, kind) and _repeats(index, cycle, spread, marking.code == kind):
+            return Minutes(kind, index.astype(np.float64), cycle, int(np.argmax(np.bincount(index % cycle))))
+    return late if late.seen >= LEAST else Minutes()
 
 
-def _second_gaps(place: Floats, cycle: int, interval: float, delay: float | None) -> Minutes:
-    """Events that come by the same time after the marks of one number; a negative `delay` reads them backwards."""
-    part = place - np.floor(place)
-    fraction = np.nan if delay is None else (delay / interval) % 1.0
-    if delay is None:  # the fraction and minute's mark at which most events come
-        best = 0
-        for centre in np.arange(0.06, 0.95, 0.02):
-            near = np.abs(part - centre) < TOLERANCE
-            number = np.floor(place[near]).astype(np.int64) % cycle
-            top = int(np.bincount(number, minlength=1).max())
-            if top > best:
-                best, fraction = top, float(np.median(part[near]))
-    near = np.abs(part - fraction) < TOLERANCE
-    whole = np.floor(place[near]) if delay is None else np.round(place[near] - delay / interval)
-    tally = np.bincount(whole.astype(np.int64) % cycle, minlength=cycle)
-    residue = int(np.argmax(tally))
-    against = int(np.delete(tally, residue).max())  # a slip puts all codes after it out by the same number
-    late = float(fraction * interval) if delay is None else abs(delay)
-    return Minutes(residue, "double", late, int(tally[residue]), against)
+def _coded(place: Floats, after: float, cycle: int) -> Minutes:
+    """Events that come as long `after` the marks of one number, in units of the interval."""
+    number = np.round(place - after)
+    number = number[np.abs(place - after - number) < TOLERANCE]
+    tally = np.bincount(np.mod(number, cycle).astype(np.int64), minlength=cycle)
+    return Minutes("double", number, cycle, int(np.argmax(tally)))
 
 
-def _repeated(index: NDArray[np.int64], cycle: int, spread: float, kind: str, stated: bool) -> Minutes | None:
-    """What comes at marks of one number much more often than at others; if it is `stated` to come, two are enough."""
-    tally = np.bincount(index % cycle, minlength=cycle)
-    residue, usual = int(np.argmax(tally)), float(np.median(tally))
-    seen, chance = int(tally[residue]), np.sqrt(usual + 1.0)
-    alone = stated and seen >= LEAST + np.delete(tally, residue).max()
-    if seen < 2 * SHARE * spread or not (alone or seen >= max(LEAST + 1, usual + 6.0 * chance)):
-        return None
-    near = tally[[(residue + k) % cycle for k in (-2, -1, 1, 2)]].max()
-    return Minutes(residue, kind, np.nan, seen, max(int(near - usual - 3.0 * chance), 0))
+def _upside_down(early: int, late: int, directed: bool) -> RefusedError:
+    """The refusal of a film whose codes come before the minutes' marks; `directed`: how time runs was stated."""
+    backwards = f"({early} of its second marks come before the minute's mark, {late} after it)"
+    if directed:
+        return RefusedError(
+            f"film: with the --orientation given, the minute code reads backwards {backwards}; "
+            "leave it out, state the code's delay, or say --marks none"
+        )
+    return TimeReversedError(
+        f"film: the minute code reads backwards {backwards}: the film lies upside down; "
+        "turn the scan by 180 degrees, or state the code's delay"
+    )
 
 
-def code_marks(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
-    """Numbers of the full minutes' marks whose codes were seen and agree with the count."""
-    if minutes.residue is None:
-        return np.empty(0)
-    number = _coded(minutes, events, count, interval) if minutes.kind == "double" else count.index.astype(np.float64)
-    return np.asarray(number[np.mod(number, round(60.0 / interval)) == minutes.residue])
+def _repeats(index: NDArray[np.int64], cycle: int, spread: float, stated: bool) -> bool:
+    """Whether marks of one number come much more often than others; if these are `stated` to come, two are enough."""
+    tally = np.sort(np.bincount(index % cycle, minlength=cycle))
+    seen, usual = int(tally[-1]), float(np.median(tally))
+    alone = stated and seen >= LEAST + tally[-2]
+    return seen >= 2 * SHARE * spread and bool(alone or seen >= max(LEAST + 1, usual + 6.0 * np.sqrt(usual + 1.0)))
 
 
-def _coded(minutes: Minutes, events: Events, count: Count, interval: float) -> Floats:
-    """Numbers of the marks after which a second gap comes, as late as after those of full minutes."""
-    place = (places(events, count) - minutes.delay / interval)[~np.isin(np.arange(events.size), count.event)]
-    number = np.round(place)
-    return np.asarray(number[np.abs(place - number) < TOLERANCE])
+def _commonest_fraction(place: Floats, cycle: int) -> float:
+    """The fraction of the marks' interval at which most events come after marks of one number."""
+    part, best, fraction = place - np.floor(place), 0, np.nan
+    for centre in np.arange(0.06, 0.95, 0.02):
+        near = np.abs(part - centre) < TOLERANCE
+        top = int(np.bincount(np.floor(place[near]).astype(np.int64) % cycle, minlength=1).max())
+        if top > best:
+            best, fraction = top, float(np.median(part[near]))
+    return fraction
 
 
-def doubts(minutes: Minutes, events: Events, count: Count, interval: float) -> list[tuple[float, float, float]]:
+def doubts(minutes: Minutes, count: Count, interval: float) -> list[tuple[float, float, float]]:
     """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
 
     Between two codes that agree one that does not is a false gap.
     """
-    if minutes.kind != "double" or minutes.residue is None:
+    agree, number, half = minutes.agree, minutes.number, minutes.cycle // 2
+    if minutes.kind != "double" or minutes.residue is None or not agree.size:
         return []
-    cycle, number = round(60.0 / interval), _coded(minutes, events, count, interval)
-    away = np.mod(number - minutes.residue + cycle // 2, cycle) - cycle // 2
-    agree = number[away == 0]
-    if not agree.size:
-        return []
+    away = np.abs(np.mod(number - minutes.residue + half, minutes.cycle) - half)
     low, high = float(agree.min()), float(agree.max())
     sides = ((number < low, float(count.index[0]), low), (number > high, high, float(count.index[-1])))
-    return [
-        (first, last, interval * float(np.abs(away[beyond]).max())) for beyond, first, last in sides if beyond.any()
-    ]
+    return [(first, last, interval * float(away[beyond].max())) for beyond, first, last in sides if beyond.any()]

@@ -3,29 +3,28 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import median_present
 from pipeline.film.edits import Clock, MarkEdits, with_marks
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
-from pipeline.film.marks.counting import LEAST_MARKS, Count, counted, spacing_of
+from pipeline.film.marks.counting import LEAST_MARKS, Count, Swings, counted, jumps, spacing_of, swings_at
 from pipeline.film.marks.lines import widened
-from pipeline.film.marks.minutes import Minutes, code_marks, doubts, find_minutes
+from pipeline.film.marks.minutes import Minutes, doubts, find_minutes
 from pipeline.film.marks.search import Gaps, GapSearch
 from pipeline.film.marks.stands import Stand, lengths, together
-from pipeline.film.marks.swings import Swings, jumps, swings_at
-from pipeline.film.parts import Floats, Marking, Tracks
+from pipeline.film.parts import Marking, Tracks
 
 SPEED_TOLERANCE = 0.25  # of the stated speed
 LEAST_PART = 0.2  # of the film, of a part that is read where others are uncertain
 LEAST_LEAD = 12.0  # of the best count before any other
+UNCERTAIN = -1.0  # lead of a number that codes elsewhere do not confirm
 JUMP = 1.0  # rad: a third of what one mark too many makes
 DISAGREE = 0.12  # of the codes, that may be false gaps in the place of one
-SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -42,14 +41,6 @@ class Counted:
     doubts: list[tuple[float, float, float]]  # as `minutes.doubts`
     clock: int | None  # what clock times add to the marks' numbers
     contradicted: bool  # the minutes that codes show are not those of the clock times
-
-
-class Part(NamedTuple):
-    """A stretch of film over which marks are counted on."""
-
-    marks: Count
-    stands: list[Stand]
-    residue: int | None  # of the full minutes' marks, where codes show it
 
 
 def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits) -> Counted:
@@ -74,113 +65,106 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     places = events.row + (alignment.offset + alignment.shear * middle)[:, None]
     swings = swings_at(tracks, events, places, spacing)
     stands = together(search.bars, alignment.offset, alignment.shear, middle)
-    stands = [each for each in stands if events.row[0] < each.row < events.row[-1]]
     stands = sorted([*stands, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
-    count, stands, whole = _past_stands(events, stands, swings, spacing, marking, clock)
-    minutes = find_minutes(events, count, marking)
+    every = count_over_stands(events, stands, swings, spacing, marking, clock)
+    known = longest(every, every.lead < 0.0)
+    minutes = find_minutes(events, known, marking)
     if across is not None and across.kind == "dark-lines":  # on either side of a broad one the number is not certain
-        beside = [np.searchsorted(events.row[count.event], widened(gaps), side) - 1 for side in SIDES]
-        count.lead[np.clip(beside, 0, count.lead.size - 1)] = 0.0
-    part = certain_part(count, code_marks(minutes, events, count, marking.interval))
-    if part.index.size < count.index.size:
-        if part.index[-1] < LEAST_PART * count.index[-1]:
+        row, wide = events.row[known.event], widened(gaps)[:, None]
+        known.lead[np.any((row[:-1] <= wide) & (wide <= row[1:]), axis=0)] = 0.0
+    codes = minutes.agree
+    confirmed = (codes.min(initial=np.inf) <= known.index[:-1]) & (codes.max(initial=-np.inf) >= known.index[1:])
+    count = longest(known, (known.lead < LEAST_LEAD) & ~confirmed)
+    if count.index.size < known.index.size:
+        if count.index[-1] < LEAST_PART * known.index[-1]:
             raise RefusedError(
                 "film: over several stretches without marks the number of marks is uncertain; cut the film there and "
                 "read the parts one by one"
             )
-        first, last = events.row[part.event[[0, -1]]]
-        stands = [each for each in stands if first < each.row < last]
-        count, whole, minutes = part, False, find_minutes(events, part, marking)
-    check(minutes, events, count, swings)
-    shift = clock.offset(events, count, spacing)
-    odd = minutes.against > DISAGREE * minutes.seen
-    wrong = doubts(minutes, events, count, marking.interval) if odd else []
-    cycle, residue = round(60.0 / marking.interval), minutes.residue
-    against = shift is not None and residue is not None and (shift + residue) % cycle != 0
-    return Counted(gaps, events, count, minutes, alignment, stands, whole, wrong, shift, against)
-
-
-def _past_stands(
-    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock
-) -> tuple[Count, list[Stand], bool]:
-    """Marks counted between the stands, and joined over those whose lengths codes or pendulums show.
-
-    Given are the count of the longest part within which it is certain, the stands in it, and whether it is all.
-    """
-    if not stands:
-        return counted(events.row, events.row_sigma, swings, spacing), [], True
-    edges = [0, *np.searchsorted(events.row, [each.row for each in stands]).tolist(), events.size]
-    cycle, whole, last = round(60.0 / marking.interval), True, -1
-    parts: list[Part] = []
-    for at, (begin, end) in enumerate(itertools.pairwise(edges)):
-        if end - begin < 2 * LEAST_MARKS:
-            whole = False
-            continue
-        some = slice(begin, end)
-        count = counted(events.row[some], events.row_sigma[some], swings.at(some), spacing)
-        count = Count(count.event + begin, count.index, count.lead)
         minutes = find_minutes(events, count, marking)
-        part = Part(count, [], minutes.residue if minutes.seen > 2 * minutes.against else None)
-        number = None
-        if parts and last == at - 1:
-            number = _marks_between(parts[-1], part, stands[at - 1], events, swings, spacing, cycle, clock)
-        last = at
-        if number is None:
-            whole = whole and not parts
-            parts.append(part)
+    check(minutes, events, count, swings)
+    first, last = events.row[count.event[[0, -1]]]
+    shift = clock.offset(events, count, spacing)
+    return Counted(
+        gaps,
+        events,
+        count,
+        minutes,
+        alignment,
+        stands=[each for each in stands if first < each.row < last],
+        whole=count.index.size == every.index.size,
+        doubts=doubts(minutes, count, marking.interval) if minutes.against > DISAGREE * minutes.seen else [],
+        clock=shift,
+        contradicted=bool(
+            shift is not None and minutes.residue is not None and (shift + minutes.residue) % minutes.cycle
+        ),
+    )
+
+
+def count_over_stands(
+    events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock
+) -> Count:
+    """All marks counted, those that passed while the paper stood as codes or pendulums show.
+
+    The lead over a stand is infinite, or `UNCERTAIN`.
+    """
+    rows = np.array([each.row for each in stands])
+    count = counted(events.row, events.row_sigma, swings, spacing, rows)
+    edges = [0, *np.searchsorted(events.row[count.event], rows).tolist(), count.index.size]
+    begin, residue = 0, None  # first mark of what is counted on, and its full minutes' marks
+    for stand, low, middle, high in zip(stands, edges, edges[1:], edges[2:], strict=False):
+        if not 0 < middle < count.index.size:
             continue
-        before = parts[-1]
-        shift = int(before.marks.index[-1] + number)
-        joined = Count(
-            np.concatenate([before.marks.event, count.event]),
-            np.concatenate([before.marks.index, shift + count.index]),
-            np.concatenate([before.marks.lead, [np.inf], count.lead]),
-        )
-        residue = None if part.residue is None else (part.residue + shift) % cycle
-        residue = residue if before.residue is None else before.residue
-        parts[-1] = Part(joined, [*before.stands, stands[at - 1]], residue)
-    if not parts:
-        raise RefusedError("film: the paper stood still again and again; cut the film and read the parts one by one")
-    longest = max(parts, key=lambda each: each.marks.index[-1])
-    return longest.marks, longest.stands, whole
+        residue = _residue(events, count.part(low, middle), marking) if residue is None else residue
+        number = None
+        if min(middle - low, high - middle) >= LEAST_MARKS:
+            before, after = count.part(begin, middle), count.part(middle, high)
+            own = _residue(events, after, marking)
+            ahead = None if own is None or residue is None else residue - own + 1
+            number = _marks_between(before, after, stand, ahead, events, swings, spacing, marking, clock)
+        if number is None:
+            count.lead[middle - 1], begin, residue = UNCERTAIN, middle, None
+        else:
+            count.index[middle:] += number - 1
+            count.lead[middle - 1] = np.inf
+    return count
+
+
+def _residue(events: Events, part: Count, marking: Marking) -> int | None:
+    """Of the full minutes' marks, where most codes of a part agree."""
+    if part.index.size < LEAST_MARKS:
+        return None
+    minutes = find_minutes(events, part, marking)
+    return minutes.residue if minutes.seen > 2 * minutes.against else None
 
 
 def _marks_between(
-    before: Part,
-    after: Part,
-    stand: Stand,
-    events: Events,
-    swings: Swings,
-    spacing: float,
-    cycle: int,
-    clock: Clock,
-) -> int | None:
-    """Number of marks from the last before a stand to the first after it; None where it is not certain."""
-    times = [clock.offset(events, each.marks, spacing) for each in (before, after)]
+    before: Count, after: Count, stand: Stand, ahead: int | None, events: Events, swings: Swings, spacing: float,
+    marking: Marking, clock: Clock,
+) -> int | None:  # fmt: skip
+    """Number of marks from the last before a stand to the first after it; None where it is not certain.
+
+    `ahead` is that by the minute codes on both sides, modulo a minute.
+    """
+    times = [clock.offset(events, each, spacing) for each in (before, after)]
     if times[0] is not None and times[1] is not None:
-        number, cost = np.array([times[1] - times[0] - before.marks.index[-1]]), np.zeros(1)
+        number, cost = np.array([times[1] - times[0] + 1]), np.zeros(1)
     elif np.isnan(stand.length):  # a person does not know either
         return None
     else:
-        number, cost = lengths(before.marks, after.marks, events.row, swings, stand, spacing)
-    if after.residue is not None and before.residue is not None:
-        agrees = (number + before.marks.index[-1] + after.residue - before.residue) % cycle == 0
-        agrees &= cost < cost[0] + LEAST_LEAD  # a false gap may look like a code
+        number, cost = lengths(before, after, events.row, swings, stand, spacing)
+    if ahead is not None:  # a false gap may look like a code
+        agrees = ((number - ahead) % round(60.0 / marking.interval) == 0) & (cost < cost[0] + LEAST_LEAD)
         number, cost = number[agrees], cost[agrees]
-    if not number.size or (cost.size > 1 and cost[1] - cost[0] < LEAST_LEAD):
-        return None
-    return int(number[0])
+    certain = number.size and cost[1:].min(initial=np.inf) - cost[0] >= LEAST_LEAD
+    return int(number[0]) if certain else None
 
 
-def certain_part(count: Count, codes: Floats) -> Count:
-    """The longest part of a count within which each number is certain, or confirmed by `codes` on both sides.
-
-    Codes are given by the numbers of their minutes' marks.
-    """
-    confirmed = (codes.min(initial=np.inf) <= count.index[:-1]) & (codes.max(initial=-np.inf) >= count.index[1:])
-    edges = [0, *(1 + np.flatnonzero((count.lead < LEAST_LEAD) & ~confirmed)), count.index.size]
-    begin, end = max(itertools.pairwise(edges), key=lambda part: count.index[part[1] - 1] - count.index[part[0]])
-    return Count(count.event[begin:end], count.index[begin:end] - count.index[begin], count.lead[begin : end - 1])
+def longest(count: Count, cut: NDArray[np.bool_]) -> Count:
+    """The longest part between steps that are `cut` (marks - 1,), its numbers from 0 on."""
+    edges = [0, *(1 + np.flatnonzero(cut)), count.index.size]
+    part = max((count.part(*each) for each in itertools.pairwise(edges)), key=lambda each: np.ptp(each.index))
+    return replace(part, index=part.index - part.index[0])
 
 
 def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> None:

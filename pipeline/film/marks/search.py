@@ -8,15 +8,14 @@ nothing else visible (dust, scratches and other traces' lines leave a misfit).
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.curve_kernels import brightness_along
-from pipeline.film.marks.gap_kernels import Known, fit_gaps
+from pipeline.film.marks.gap_kernels import Known, brightness_along, fit_gaps
 from pipeline.film.marks.pieces import MARGIN, Spans, exposed, grain, over_pieces
 from pipeline.film.marks.stands import Bars, bars, light_across, swept
 from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
@@ -39,6 +38,7 @@ BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from 
 SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
 SAMPLES, SAMPLE_ROWS = 8, 640  # pieces in which the width is learned
 LEAST_RUNS = 12
+Exposure = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ class Gaps:
 
     def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
         """Some of them."""
-        return Gaps(*(getattr(self, field.name)[which] for field in fields(Gaps)))
+        return Gaps(*(each[which] for each in vars(self).values()))
 
     def joined_by(self, more: Gaps) -> Gaps:
         """Both, in order of their rows."""
-        both = Gaps(*(np.concatenate([getattr(self, each.name), getattr(more, each.name)]) for each in fields(Gaps)))
+        both = Gaps(*(np.concatenate(each) for each in zip(vars(self).values(), vars(more).values(), strict=True)))
         return both.pick(np.argsort(both.row, kind="stable"))
 
     @property
@@ -105,9 +105,7 @@ def find_gaps(
     """
     across = swept(tracks, scan.columns)
 
-    def of_piece(
-        begin: int, stop: int, first: int, exposure: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int64], Floats, Floats]:
+    def of_piece(begin: int, stop: int, first: int, exposure: Exposure) -> tuple[NDArray[np.int64], Floats, Floats]:
         rows = [_candidates(exposure, first, begin, stop, tracks, trace, width) for trace in range(len(tracks.course))]
         traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
         gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
@@ -119,7 +117,7 @@ def find_gaps(
 
 
 def fitted(
-    exposure: NDArray[np.float32], first: int, emulsion: Emulsion, tracks: Tracks, traces: NDArray[np.int64],
+    exposure: Exposure, first: int, emulsion: Emulsion, tracks: Tracks, traces: NDArray[np.int64],
     guesses: Floats, width: float | Floats, prior: float = WIDTH_PRIOR, lateral: float = LATERAL,
 ) -> Floats:  # fmt: skip
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
@@ -129,7 +127,7 @@ def fitted(
 
 
 def relative_light(
-    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
+    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
 ) -> tuple[Floats, Floats, Floats]:
     """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
     lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
@@ -141,19 +139,17 @@ def relative_light(
         exposure, first, tracks.course[trace], tracks.slope[trace], tracks.curvature[trace],
         begin, steps, tracks.spot, width, light, dark,
     )  # fmt: skip
-    chunks = max(light.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1)
-    level, at = [], []
-    for low, high in itertools.pairwise(np.linspace(0, light.size, chunks + 1).astype(int)):
-        known = light[low:high][np.isfinite(light[low:high])]
-        if known.size > 0.3 * (high - low):
-            level.append(float(np.median(known)))
-            at.append(0.5 * (low + high))
-    usual = np.interp(np.arange(light.size), at, level) if level else np.zeros(light.size)
+    edges = np.linspace(0, rows.size, max(rows.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1) + 1)
+    parts = [light[low:high] for low, high in itertools.pairwise(edges.astype(int))]
+    shown = np.array([np.isfinite(each).mean() > 0.3 for each in parts])
+    level = [float(np.nanmedian(each)) for each, known in zip(parts, shown, strict=True) if known]
+    middle = 0.5 * (edges.astype(int)[:-1] + edges.astype(int)[1:])[shown]
+    usual = np.interp(np.arange(rows.size), middle, level) if level else np.zeros(rows.size)
     return np.where(usual > LEAST_LIGHT, light / np.maximum(usual, LEAST_LIGHT), np.nan), dark, rows
 
 
 def _candidates(
-    exposure: NDArray[np.float32], first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
+    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
 ) -> Floats:
     """Rows in `begin` to `stop` at which a gap may lie on a trace."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
@@ -181,10 +177,9 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
     good &= (gaps.row_sigma < 0.5 * width) & (gaps.light > 0.1)
     gaps = gaps.pick(good)
     gaps = gaps.pick(np.lexsort((gaps.row, gaps.trace)))
-    twice = np.zeros(gaps.size, dtype=bool)
-    for i in np.flatnonzero((np.diff(gaps.row) < 0.8 * width) & (np.diff(gaps.trace) == 0)):
-        twice[i if gaps.row_sigma[i] > gaps.row_sigma[i + 1] else i + 1] = True
-    gaps = gaps.pick(~twice)
+    pairs = np.flatnonzero((np.diff(gaps.row) < 0.8 * width) & (np.diff(gaps.trace) == 0))
+    worse = np.where(gaps.row_sigma[pairs] > gaps.row_sigma[pairs + 1], pairs, pairs + 1)
+    gaps = gaps.pick(np.setdiff1d(np.arange(gaps.size), worse))
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
 
 

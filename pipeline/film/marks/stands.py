@@ -6,6 +6,7 @@ trace is at one place. Its light tells for how long the paper stood, to a third.
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -15,8 +16,7 @@ from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Emulsion, Floats, Tracks
 
 if TYPE_CHECKING:
-    from pipeline.film.marks.counting import Count
-    from pipeline.film.marks.swings import Swings
+    from pipeline.film.marks.counting import Count, Swings
 
 INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
@@ -129,12 +129,9 @@ def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Em
 def together(found: Bars, offset: Floats, shear: float, across: Floats) -> list[Stand]:
     """Bars that all traces show that can, at one place of the paper; `across`, the traces' middle columns."""
     able = [(k, shown) for k, shown in enumerate(found) if shown is not None]
-    groups: list[list[Stand]] = []
-    for each in sorted(bar._replace(row=bar.row - offset[k] - shear * across[k]) for k, shown in able for bar in shown):
-        if groups and each.row - groups[-1][0].row < APART:
-            groups[-1].append(each)
-        else:
-            groups.append([each])
+    shown = sorted(bar._replace(row=bar.row - offset[k] - shear * across[k]) for k, own in able for bar in own)
+    edges = [0, *(1 + np.flatnonzero(np.diff([each.row for each in shown]) >= APART)), len(shown)]
+    groups = [shown[first:stop] for first, stop in itertools.pairwise(edges)] if shown else []
     columns = [tuple(zip(*group, strict=True)) for group in groups if len(group) >= len(able)]
     return [
         Stand(float(np.mean(row)), float(np.mean(length)), any(saturated))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.marks.curve_kernels import look, place
+from pipeline.film.marks.gap_kernels import look, place
 from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 

@@ -13,7 +13,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -98,14 +98,13 @@ class Desk:
         here = down * size < self._state["rows"] and across * size < self._state["columns"]
         if level >= self.session.levels or not here:
             raise HTTPException(404, "the film has no such tile")
+        kept = {"Cache-Control": "private, max-age=86400"}
         with self._looking:
-            image = self.session.tile(level, down, across)
-        return Response(image, media_type="image/png", headers={"Cache-Control": "private, max-age=86400"})
+            return Response(self.session.tile(level, down, across), media_type="image/png", headers=kept)
 
     def _csv(self, _: Request) -> Response:
         with self._using:
-            table = self.session.csv()
-        return Response(table, media_type="text/csv", headers={"Content-Disposition": "attachment"})
+            return Response(self.session.csv(), media_type="text/csv", headers={"Content-Disposition": "attachment"})
 
     def _edits(self, request: Request) -> Response:
         """Make one edit, or several as one step: all or none."""
@@ -202,8 +201,15 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
             await send(message)
 
         request = Request(scope, receive)
+        host, origin = request.headers.get("host", ""), request.headers.get("origin", "http://localhost")
+        given = request.headers.get("x-token") or (request.method == "GET" and request.query_params.get("token")) or ""
         try:
-            _check(request, token)
+            if not _HERE.fullmatch(host):
+                raise HTTPException(400, "this server answers to 127.0.0.1 and localhost alone")
+            if not (origin.startswith("http://") and _HERE.fullmatch(origin.removeprefix("http://"))):
+                raise HTTPException(403, "requests of other pages are refused")
+            if not hmac.compare_digest(given.encode(), token.encode()):
+                raise HTTPException(403, "the token is missing or wrong: open the address that isochrony printed")
             if request.method == "POST":
                 request.state.content = await _content(request)
         except HTTPException as fault:
@@ -211,16 +217,3 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
         return await app(scope, receive, told_more)
 
     return guard
-
-
-def _check(request: Request, token: str) -> None:
-    """Refuse a request that is not of this machine's own page."""
-    headers: Headers = request.headers
-    if not _HERE.fullmatch(headers.get("host", "")):
-        raise HTTPException(400, "this server answers to 127.0.0.1 and localhost alone")
-    origin = headers.get("origin")
-    if origin is not None and not (origin.startswith("http://") and _HERE.fullmatch(origin.removeprefix("http://"))):
-        raise HTTPException(403, "requests of other pages are refused")
-    given = headers.get("x-token") or (request.query_params.get("token", "") if request.method == "GET" else "")
-    if not hmac.compare_digest(given.encode(), token.encode()):
-        raise HTTPException(403, "the token is missing or wrong: open the address that isochrony printed")

@@ -36,7 +36,7 @@ def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, 
     if known.size < 2:
         return []
     seconds = np.interp(np.arange(axis.seconds.size), known, axis.seconds[known])
-    begin, end = float(axis.seconds[known[0]]), float(axis.seconds[known[-1]])
+    begin, end = float(seconds[0]), float(seconds[-1])
     places: list[dict[str, Any]] = []
 
     def note(first: int, last: int, trace: int | None, words: str, harm: float) -> None:

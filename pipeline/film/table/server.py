@@ -56,7 +56,9 @@ def serve(
 
         def begin() -> None:
             print(url, file=sys.stderr, flush=True)
-            if browser and _has_display():
+            # in the terminal of an SSH session a browser would take the terminal
+            display = sys.platform in ("win32", "darwin") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+            if browser and display:
                 threading.Thread(target=webbrowser.open, args=[url], daemon=True).start()
             if ready is not None:
                 ready(url)
@@ -79,9 +81,3 @@ def _listening(port: int) -> socket.socket:
         return socket.create_server(("127.0.0.1", port))
     except OSError as fault:
         raise UsageError(f"port {port} cannot be had ({fault.strerror}); {remedy}") from None
-
-
-def _has_display() -> bool:
-    """Whether a browser would open in a window: one in the terminal of an SSH session would take the terminal."""
-    windows = sys.platform in ("win32", "darwin")
-    return windows or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

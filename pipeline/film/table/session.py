@@ -58,8 +58,8 @@ class Session:
 
     def __post_init__(self) -> None:
         made = self.edits.edits
-        self._past = [self.edits.model_copy(update={"edits": made[:k]}) for k in range(len(made))]
-        self._undone: list[FilmEdits] = []
+        self._steps = [self.edits.model_copy(update={"edits": made[:k]}) for k in range(len(made) + 1)]
+        self._at = len(made)  # the step at which the film is
         self._revision = 0
         self._record: DataTree | None = None
         self._refining = Refining()
@@ -93,8 +93,9 @@ class Session:
         if made is not None:
             check_scan(made, scan)
         traces, _ = find_time(scan, known, reading, None, jobs, progress)
-        own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
-        made = made or FilmEdits.model_validate(own)
+        if made is None:
+            own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
+            made = FilmEdits.model_validate(own)
         asked = {"reading": reading, "rate": rate, "jobs": jobs}
         return Session(traces, known, made, path, who or _user(), paths[0].name, asked)
 
@@ -112,8 +113,7 @@ class Session:
             shown = {key: row[key] for key in shown}
             known = np.flatnonzero(np.isfinite(reading.axis.seconds))
             if known.size:
-                first, last = reading.axis.seconds[known[[0, -1]]]
-                pace = float(last - first) / max(int(known[-1] - known[0]), 1)
+                pace = float(np.ptp(reading.axis.seconds[known])) / max(int(np.ptp(known)), 1)
         count, names = len(self.untouched.tracks.course), [trace.name for trace in self.known.traces]
         names = names if len(names) == count else [str(k + 1) for k in range(count)]
         return {
@@ -124,8 +124,8 @@ class Session:
             "seconds_per_row": pace,
             "traces": [{"number": k + 1, "name": name} for k, name in enumerate(names)],
             "edits": edits["edits"],
-            "can_undo": bool(self._past),
-            "can_redo": bool(self._undone),
+            "can_undo": self._at > 0,
+            "can_redo": self._at < len(self._steps) - 1,
             "revision": self._revision,
             "gravity": {**asdict(self._gravity), "change_mgal": change, "refining": self._refining.busy},
             "reading": {**shown, "refused": refused},
@@ -147,19 +147,19 @@ class Session:
             all_edits = FilmEdits.model_validate({**content, "edits": [*content["edits"], *made]})
         except ValidationError as error:
             raise RecordError(one_line(error, FilmEdits)) from None
-        return self._take(all_edits, [*self._past, self.edits], [])
+        return self._take([*self._steps[: self._at + 1], all_edits], self._at + 1)
 
     def undo(self) -> dict[str, Any]:
         """Take back the last step."""
-        if not self._past:
+        if self._at == 0:
             raise RecordError("there is nothing to undo")
-        return self._take(self._past[-1], self._past[:-1], [*self._undone, self.edits])
+        return self._take(self._steps, self._at - 1)
 
     def redo(self) -> dict[str, Any]:
         """Make the step again that was taken back last."""
-        if not self._undone:
+        if self._at == len(self._steps) - 1:
             raise RecordError("there is nothing to redo")
-        return self._take(self._undone[-1], [*self._past, self.edits], self._undone[:-1])
+        return self._take(self._steps, self._at + 1)
 
     def record(self) -> DataTree | None:
         """The record as it is now; None where the film is refused."""
@@ -225,15 +225,15 @@ class Session:
             "marks": marks,
         }
 
-    def _take(self, edits: FilmEdits, past: list[FilmEdits], undone: list[FilmEdits]) -> dict[str, Any]:
-        """Read the film with other edits; where they cannot be meant, all stays as it was."""
-        before, self.edits, known = self.edits, edits, self._refining.latest(self._gravity)
+    def _take(self, steps: list[FilmEdits], at: int) -> dict[str, Any]:
+        """Read the film with the edits of a step; where they cannot be meant, all stays as it was."""
+        before, self.edits, known = self.edits, steps[at], self._refining.latest(self._gravity)
         try:
             self._read()
         except RecordError:
             self.edits = before
             raise
-        self._before, self._past, self._undone = known, past, undone
+        self._before, self._steps, self._at = known, steps, at
         self.edits.save(self.path)
         self.saved_at = datetime.now(UTC).isoformat(timespec="seconds")
         return self.state()

@@ -10,8 +10,8 @@ import PIL.Image
 import pytest
 
 from data_schemas.errors import RefusedError
+from pipeline.film.following import find_time
 from pipeline.film.knowledge import Known
-from pipeline.film.reading import read_film
 from pipeline.film.scan.files import in_memory
 from pipeline.film.scan.opening import OpenScan, cause_in
 
@@ -61,4 +61,4 @@ def test_a_refusal_names_it_first() -> None:
     blank = 220.0 + 6.0 * np.random.default_rng(3).standard_normal((600, 320))
     blank[::7, ::5] = 60.0
     with pytest.raises(RefusedError, match=r"^the scan has 100 dpi, too few for its lines"):
-        read_film(scan(blank, 100.0), Known())
+        find_time(scan(blank, 100.0), Known())

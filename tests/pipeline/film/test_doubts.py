@@ -12,7 +12,8 @@ from data_schemas import check
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.minutes import Minutes, doubts
+from pipeline.film.marks.minutes import doubts, find_minutes
+from pipeline.film.parts import Marking
 from pipeline.film.record import AMBIGUOUS, make_record, scale_error
 
 KNOWN = Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81))
@@ -25,7 +26,7 @@ def doubtful(codes: list[float]) -> list[tuple[float, float, float]]:
     ones = np.ones(rows.size)
     events = Events(rows, 0.01 * ones, ones, ones, np.arange(rows.size)[None, :])
     count = Count(event, np.arange(MARKS), np.full(MARKS - 1, np.inf))
-    return doubts(Minutes(0, "double", 0.125, 4, 1), events, count, 0.5)
+    return doubts(find_minutes(events, count, Marking(minute_code=0.125)), count, 0.5)
 
 
 @pytest.mark.parametrize(

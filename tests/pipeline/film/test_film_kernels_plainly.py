@@ -11,7 +11,7 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.curve_kernels import Patch, brightness_along, draw, light_at_rest, place
+from pipeline.film.marks.gap_kernels import Patch, brightness_along, draw, light_at_rest, place
 from pipeline.film.marks.search import fitted
 from pipeline.film.parts import Marking
 from pipeline.film.strobe.dense_kernels import SIZE, Known, fit_block, node_table, values

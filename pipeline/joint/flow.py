@@ -81,23 +81,15 @@ def flow(
     fade: float = 0.0,
     heave_noise: float = 0.0,
 ) -> Flow:
-    """Matrices of a step.
+    """Matrices of a step, s, of at most 1.3 rad of the swing.
 
     Parameters
     ----------
-    step : float
-        s; at most 1.3 rad of the swing.
-    kappa, damping, kick : (p,) arrays
-        n^2 at reference gravity, s-2; damping rates, s-1; intensities of the random kicks, rad s-1/2.
+    kick : (p,) array
+        Intensities of the random kicks, rad s-1/2.
     ship : Ship
-    gravity : float
-        Gravity over reference gravity.
-    sine : bool
-        Restoring law.
-    quadratic, dry : (p,) arrays, optional
-        Friction proportional to the square of the speed, 1; knife-edge friction, s-2.
-    fade, heave_noise : float
-        See `Flow`.
+
+    All others as in `Flow`.
     """
     from scipy.linalg import expm
 

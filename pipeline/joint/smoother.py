@@ -30,10 +30,8 @@ def smooth(
     ----------
     pushed : (f + 1,) array
         Change of the constants that move the pendulums since the sweep; last: 1.
-    state : (d,) array, changed
+    state, covariance : (d,) array, changed; (d, d) array
         Predicted for the stretch's first node at the changed constants.
-    covariance : (d, d) array
-        Of it.
     whitened : (r,) array
         Prediction errors at the changed constants.
     adjoint : (d,) array, changed

@@ -110,7 +110,7 @@ def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, 
         fine = run(times, local)
         runs = [run(few, loose, MOST_STEPS), fine]
     else:
-        apart = _apart(runs[0], runs[1], few)
+        apart = _apart(runs[0], runs[-1], few)
         wanted = _AIM * tolerance * runs[0].tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else local
         runs.append(run(times, min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)))
     probes: list[Run] = []

@@ -117,12 +117,8 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 
 def _local_tolerance(tolerance: float, times: Floats, half_swing: float) -> float:
     """What to ask of an interval, so that a record of this length is as good as wanted."""
-    asked = min(tolerance, _LOOSEST)
-    return (
-        asked
-        * min(1.0, asked / _TIGHT) ** _TIGHTER
-        / (1.0 + float(times[-1] - times[0]) / (2.0 * half_swing * _SWINGS))
-    )
+    asked, swings = min(tolerance, _LOOSEST), float(times[-1] - times[0]) / (2.0 * half_swing)
+    return asked * min(1.0, asked / _TIGHT) ** _TIGHTER / (1.0 + swings / _SWINGS)
 
 
 def _limits_for(local: float) -> tuple[float, float]:
@@ -132,13 +128,12 @@ def _limits_for(local: float) -> tuple[float, float]:
 
 def _check_collocates(system: Any) -> None:
     """Refuse systems and terms that are not made for it."""
-    if not isinstance(system, SYSTEMS):
-        raise RefusedError(f"collocation knows no {type(system).__name__}; use the propagator explicit")
+    fault = None if isinstance(system, SYSTEMS) else f"knows no {type(system).__name__}"
     for each in apart(getattr(system, "terms", None)):
         if not isinstance(each, Viscous | VanDerPolDrive):
-            raise RefusedError(
-                f"collocation wants smooth forces and {type(each).__name__} is none; use the propagator explicit"
-            )
+            fault = fault or f"wants smooth forces and {type(each).__name__} is none"
+    if fault:
+        raise RefusedError(f"collocation {fault}; use the propagator explicit")
 
 
 def integrate_ensemble(
@@ -181,9 +176,10 @@ def integrate_ensemble(
         raise UsageError(f"{len(systems)} systems and {len(states)} starts: give one finite start a member")
     _check_collocates(systems[0])
     carried = [_rounded(system) for system in systems]
-    longest = Problem.of(systems[0], carried[0]).longest
+    pilot = Problem.of(systems[0], carried[0])
+    longest = pilot.longest
     limits = _limits_for(_local_tolerance(tolerance, instants, longest))
-    depth = chosen(Run.begin(Problem.of(systems[0], carried[0], longest), first, float(instants[0]), limits))
+    depth = chosen(pilot, first, float(instants[0]), limits)
     result = np.empty((len(states), instants.size, first.size))
 
     def member(index: int) -> None:
@@ -199,8 +195,7 @@ def integrate_ensemble(
 
 def _rounded(system: Any) -> tuple[Floats, Floats]:
     """The linear part with few bits."""
-    parts = np.array([[float(each) for each in pair] for pair in linear_part(system)])
-    mantissa, exponent = np.frexp(parts)
+    mantissa, exponent = np.frexp(np.array(linear_part(system), dtype=np.float64))
     rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
     return rounded[:, 0].copy(), rounded[:, 1].copy()
 
@@ -220,7 +215,7 @@ class Problem:
     def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:
         """With the system's own linear part, or another near it; intervals of its own, or given."""
         parts = linear_part(system)
-        square, loss = carried or (np.array([float(each) for each, _ in parts]), np.array([float(g) for _, g in parts]))
+        square, loss = carried or tuple(np.array(parts, dtype=np.float64).T.copy())
         swings = square[system.first_angle // 2 :]
         half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
         return cls(system, square, loss, excess_of(parts, square, loss), mirror_of(system, len(parts)), longest or half)
@@ -249,23 +244,17 @@ class Problem:
 class Run:
     """Where a run is: the `time` reached, s, its `work`, a `report` (5,) as for `march`, lengths that failed, the `depth`."""
 
-    def __init__(self, problem: Problem, limits: tuple[float, float], time: float, state: Floats, amplitude: Floats):
+    def __init__(self, problem: Problem, start: Floats, time: float, limits: tuple[float, float]) -> None:
         self.problem, self.limits, self.time = problem, limits, time
         self.report: Integers = np.zeros(5, dtype=np.int64)
         self.rejected = self.depth = 0
-        components = len(state)
+        state, frequency = np.zeros((start.size // 2, 4)), np.sqrt(np.abs(problem.square))
+        state[:, 0], state[:, 2] = start[0::2], start[1::2]
+        swing = np.divide(state[:, 2], frequency, out=np.zeros_like(frequency), where=frequency > 0.0)
+        components, amplitude = len(state), state[:, 0] ** 2 + swing**2
         known, room, (position, rate) = (aligned(np.zeros((2, components, NODES))) for _ in range(3))
         base, memory = aligned(np.zeros((components, 2 * NODES))), np.empty((0, ORDERS, components, NODES))
         self.work = Work(state, amplitude, problem.excess, memory, known, room, base, position, rate)
-
-    @classmethod
-    def begin(cls, problem: Problem, start: Floats, time: float, limits: tuple[float, float]) -> Run:
-        """Stand at the start."""
-        frequency = np.sqrt(np.abs(problem.square))
-        state = np.zeros((start.size // 2, 4))
-        state[:, 0], state[:, 2] = start[0::2], start[1::2]
-        swing = np.divide(state[:, 2], frequency, out=np.zeros_like(frequency), where=frequency > 0.0)
-        return cls(problem, limits, time, state, state[:, 0] ** 2 + swing**2)
 
     def go(self, level: Level, count: int, times: Floats, states: Floats) -> bool:
         """March `count` intervals, or as many as can be done; whether all were."""
@@ -283,13 +272,12 @@ class Run:
         self.work, self.report[4] = self.work._replace(memory=self.work.memory[:0]), 0
 
 
-def chosen(here: Run, ladder: Ladder = LADDER) -> int:
+def chosen(problem: Problem, start: Floats, time: float, limits: tuple[float, float], ladder: Ladder = LADDER) -> int:
     """Depth of the intervals that are cheapest on the first swings, counted in turns a second."""
-    none = np.empty(0), np.empty((0, 2 * len(here.work.state)))
+    none = np.empty(0), np.empty((0, start.size))
     cheapest, best = math.inf, _MOST_LEVELS - 1
-    for depth in range(here.problem.shallowest(ladder), _MOST_LEVELS):
-        level, begun = here.problem.level(depth, ladder), here.work
-        trial = Run(here.problem, here.limits, here.time, begun.state.copy(), begun.amplitude.copy())
+    for depth in range(problem.shallowest(ladder), _MOST_LEVELS):
+        level, trial = problem.level(depth, ladder), Run(problem, start, time, limits)
         if trial.go(level, _PILOT, *none):
             cost = (int(trial.report[1]) / _PILOT + _OVERHEAD) / level.interval
             if cost > cheapest:
@@ -318,8 +306,9 @@ def run(
         Receives the states.
     """
     states = np.empty((times.size, start.size)) if out is None else out
-    here = Run.begin(problem, start, float(times[0]), limits)
-    first = chosen(here, ladder) if depth is None else depth
+    begin = float(times[0])
+    here = Run(problem, start, begin, limits)
+    first = chosen(problem, start, begin, limits, ladder) if depth is None else depth
     depth, calm, patience = first, 0, _PATIENCE
     while here.report[0] < times.size:
         here.depth = depth

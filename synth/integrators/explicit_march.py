@@ -25,7 +25,7 @@ from synth.integrators.explicit_step import (
     is_stiff,
     local_error,
     noise,
-)
+)  # fmt: skip
 from synth.integrators.trajectory import reason
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
@@ -79,8 +79,7 @@ def march(
         start.copy(), np.zeros(n), start.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros(n), np.zeros(n), scale, np.zeros((16, n)), np.zeros((7, n)),
     )  # fmt: skip
-    state, low, following, left_over, slope = space.state, space.low, space.following, space.left_over, space.slope
-    increment, point, spare, k = space.increment, space.point, space.spare, space.k
+    state, following, slope, spare = space.state, space.following, space.slope, space.spare
     moments, which, noted = np.zeros(_NOTED), np.zeros(_NOTED, dtype=np.int64), 0
     time, time_low, step = times[0], 0.0, 0.0
     derivative(time, start, system, slope)
@@ -89,8 +88,8 @@ def march(
         return NOT_FINITE, time, state, moments[:0], which[:0]
     aside = _ASIDE * first_step(start, slope, np.ones(n), 1.0, end - time)
     for i in range(n):
-        point[i] = start[i] + aside * slope[i]
-    derivative(time + aside, point, system, spare)
+        space.point[i] = start[i] + aside * slope[i]
+    derivative(time + aside, space.point, system, spare)
     for i in range(n):
         spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
     expect(start, slope, spare, space.expected)
@@ -116,11 +115,10 @@ def march(
             written += 1
         if written == times.size:
             break
-        small = time_low + step  # to the end of the step in hand
-        total = time + small
-        rest = total - time
-        time_low = (time - (total - rest)) + (small - rest)
-        time = total
+        small, before = time_low + step, time  # to the end of the step in hand
+        time = before + small
+        rest = time - before
+        time_low = (before - (time - rest)) + (small - rest)
         if share <= 1.0:
             if event is not None:
                 if noted + event.level.size > moments.size:
@@ -137,8 +135,8 @@ def march(
         shaken = amiss if share > 1.0 else 0.0  # a state put on a level stays there, lest it cross again
         for i in range(n):
             state[i] = following[i]
-            low[i] = left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
-            k[0, i] = slope[i]
+            space.low[i] = space.left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
+            space.k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
         allow(tolerance, space)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
@@ -169,17 +167,12 @@ def march(
             break
         counts[STEPS] += 1
         if is_stiff(step, space):
-            stiff += 1
-            calm = 0
+            stiff, calm = stiff + 1, 0
         else:
             calm += 1
-            if calm == _CALM_STEPS:
-                stiff = 0
-        if stiff >= patience:
-            status = TOO_STIFF
-            break
-        if counts[STEPS] == MOST_STEPS:
-            status = TOO_LONG
+            stiff = 0 if calm == _CALM_STEPS else stiff
+        if stiff >= patience or counts[STEPS] == MOST_STEPS:
+            status = TOO_STIFF if stiff >= patience else TOO_LONG
             break
         factor = 0.9 * max(error, 1e-8) ** -_CONTROL * error_before**_MEMORY
         proposed = step * min(growth, max(0.2, factor))
@@ -202,7 +195,7 @@ def march(
                 if abs(late) <= 1e-3 * step:  # to the level by the tangent; near a touch the root stands as found
                     step += late
                     for i in range(n):
-                        increment[i] += late * slope[i]
+                        space.increment[i] += late * slope[i]
                     add(space)
     return status, time, state, moments[:noted], which[:noted]
 

@@ -18,12 +18,11 @@ from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
 NODES = (*DOP853.C.tolist(), 1.0, *DOP853.C_EXTRA.tolist())
-WEIGHTS = (
-    (0.0,),
-    *(tuple(row[:stage]) for stage, row in enumerate(DOP853.A.tolist()) if stage),
-    tuple(DOP853.B.tolist()),
-    *(tuple(row[:stage]) for stage, row in enumerate(DOP853.A_EXTRA.tolist(), start=13)),
-)  # Row 12 holds the weights of the solution itself
+INSIDE = np.zeros((16, 16))
+"""Weights of all stages; row 12 holds those of the solution itself, rows 13 to 15 are for the dense output."""
+INSIDE[:12, :12], INSIDE[12, :12], INSIDE[13:] = DOP853.A, DOP853.B, DOP853.A_EXTRA
+ERRORS = np.array([DOP853.E3[:12], DOP853.E5[:12]])  # against the embedded solutions of order 3 and of order 5
+DENSE = np.array(DOP853.D)  # (4, 16) coefficients 3 to 6 of the dense output from all slopes
 
 # fmt: off
 CORRECTION = (
@@ -38,16 +37,8 @@ With the published weights rounded alone they fail by 5e-16, always in the same 
 in a thousand swings. The smallest correction that mends it, solved in exact arithmetic.
 """
 
-ERRORS = tuple(tuple(row[:12].tolist()) for row in (DOP853.E3, DOP853.E5))
-"""Against the embedded solutions of order 3 and of order 5."""
-
-DENSE = tuple(map(tuple, DOP853.D.tolist()))  # coefficients 3 to 6 of the dense output from all 16 slopes
-
-
-_B, _L, _C, _D, _E = WEIGHTS[12], CORRECTION, NODES, np.array(DENSE), np.array(ERRORS)
-INSIDE = np.array([[*row, *[0.0] * (16 - len(row))] for row in WEIGHTS])  # (16, 16) `WEIGHTS`, with zeros
-
-_FIRST = CORRECTION[0] + float(sum(map(Fraction, WEIGHTS[12])) - 1)  # the rest of the first slope's weight
+_B, _L = INSIDE[12], CORRECTION
+_FIRST = CORRECTION[0] + float(sum(map(Fraction, INSIDE[12].tolist())) - 1)  # the rest of the first slope's weight
 _STIFF_AT = 6.1  # |step x eigenvalue| at the edge of the stability region (Hairer, Norsett, Wanner)
 _GRAIN = 1e-15  # of the state: below it the two times of the test differ by rounding only
 _SURELY = 0.25  # of the size expected
@@ -95,27 +86,27 @@ def attempt(time: float, h: float, space: Space, system: Any) -> None:
     n = state.size
     for i in range(n):
         point[i] = state[i] + h * (INSIDE[1, 0] * k[0, i])
-    derivative(time + _C[1] * h, point, system, slope)
+    derivative(time + NODES[1] * h, point, system, slope)
     _reach(2, h, state, k, slope, point)
-    derivative(time + _C[2] * h, point, system, slope)
+    derivative(time + NODES[2] * h, point, system, slope)
     _reach(3, h, state, k, slope, point)
-    derivative(time + _C[3] * h, point, system, slope)
+    derivative(time + NODES[3] * h, point, system, slope)
     _reach(4, h, state, k, slope, point)
-    derivative(time + _C[4] * h, point, system, slope)
+    derivative(time + NODES[4] * h, point, system, slope)
     _reach(5, h, state, k, slope, point)
-    derivative(time + _C[5] * h, point, system, slope)
+    derivative(time + NODES[5] * h, point, system, slope)
     _reach(6, h, state, k, slope, point)
-    derivative(time + _C[6] * h, point, system, slope)
+    derivative(time + NODES[6] * h, point, system, slope)
     _reach(7, h, state, k, slope, point)
-    derivative(time + _C[7] * h, point, system, slope)
+    derivative(time + NODES[7] * h, point, system, slope)
     _reach(8, h, state, k, slope, point)
-    derivative(time + _C[8] * h, point, system, slope)
+    derivative(time + NODES[8] * h, point, system, slope)
     _reach(9, h, state, k, slope, point)
-    derivative(time + _C[9] * h, point, system, slope)
+    derivative(time + NODES[9] * h, point, system, slope)
     _reach(10, h, state, k, slope, point)
-    derivative(time + _C[10] * h, point, system, slope)
+    derivative(time + NODES[10] * h, point, system, slope)
     _reach(11, h, state, k, slope, point)
-    derivative(time + _C[11] * h, point, system, slope)
+    derivative(time + NODES[11] * h, point, system, slope)
     for i in range(n):
         k[11, i] = slope[i]
         base = k[0, i]
@@ -133,19 +124,17 @@ def attempt(time: float, h: float, space: Space, system: Any) -> None:
 def local_error(step: float, space: Space) -> float:
     """Size of the local error over what is allowed: Hairer's blend of the estimates of order 5 and 3, of order 8."""
     k, scale = space.k, space.allowed
-    n = scale.size
-    third = 0.0
-    fifth = 0.0
-    for i in range(n):
+    third, fifth = 0.0, 0.0
+    for i in range(scale.size):
         low, high = 0.0, 0.0
         for j in range(12):
-            low += _E[0, j] * k[j, i]
-            high += _E[1, j] * k[j, i]
+            low += ERRORS[0, j] * k[j, i]
+            high += ERRORS[1, j] * k[j, i]
         third += (low / scale[i]) ** 2
         fifth += (high / scale[i]) ** 2
     if fifth == 0.0:
         return 0.0
-    return abs(step) * fifth / math.sqrt((fifth + 0.01 * third) * n)
+    return abs(step) * fifth / math.sqrt((fifth + 0.01 * third) * scale.size)
 
 
 @kernel
@@ -160,7 +149,7 @@ def dense(time: float, step: float, space: Space, system: Any) -> None:
             for j in range(stage):
                 total += INSIDE[stage, j] * k[j, i]
             point[i] = state[i] + step * total
-        derivative(time + _C[stage] * step, point, system, spare)
+        derivative(time + NODES[stage] * step, point, system, spare)
         for i in range(state.size):
             k[stage, i] = spare[i]
     _curve(step, k, space.increment, space.polynomial)
@@ -176,13 +165,13 @@ def _curve(h: float, k: Floats, increment: Floats, polynomial: Floats) -> None:
         for row in range(4):
             total = 0.0
             for j in range(16):
-                total += _D[row, j] * k[j, i]
+                total += DENSE[row, j] * k[j, i]
             polynomial[3 + row, i] = h * total
 
 
 @kernel
 def between(share: float, space: Space, i: int) -> float:
-    """Component i at `share` of the step, 0 to 1."""
+    """Component i at x = `share` of the step: x [F0 + (1-x) (F1 + x (F2 + (1-x) (F3 + x (F4 + (1-x) (F5 + x F6)))))]."""
     polynomial = space.polynomial
     rest = 1.0 - share
     value = polynomial[5, i] + share * polynomial[6, i]
@@ -190,7 +179,6 @@ def between(share: float, space: Space, i: int) -> float:
     value = polynomial[3, i] + share * value
     value = polynomial[2, i] + rest * value
     value = polynomial[1, i] + share * value
-    # order of the factors: x [F0 + (1-x) (F1 + x (F2 + (1-x) (F3 + x (F4 + (1-x) (F5 + x F6)))))]
     value = polynomial[0, i] + rest * value
     return space.state[i] + (space.low[i] + share * value)
 
@@ -202,8 +190,7 @@ def allow(tolerance: float, space: Space) -> None:
     largest = 0.0
     for i in range(scale.size):
         largest = max(largest, scale[i])
-    if largest == 0.0:
-        largest = 1.0
+    largest = largest if largest > 0.0 else 1.0
     for i in range(scale.size):
         allowed[i] = tolerance * max(max(scale[i], expected[i]), _SMALL_SCALE * largest)
 
@@ -273,12 +260,10 @@ def is_stiff(step: float, space: Space) -> bool:
 @kernel
 def add(space: Space) -> None:
     """(following, left_over) = (state, low) + increment, without loss."""
-    state, low, increment, following, left_over = (
-        space.state, space.low, space.increment, space.following, space.left_over,
-    )  # fmt: skip
+    state = space.state
     for i in range(state.size):
-        small = low[i] + increment[i]
+        small = space.low[i] + space.increment[i]
         total = state[i] + small
         part = total - state[i]
-        left_over[i] = (state[i] - (total - part)) + (small - part)
-        following[i] = total
+        space.left_over[i] = (state[i] - (total - part)) + (small - part)
+        space.following[i] = total

@@ -90,7 +90,8 @@ def march(
     s, old, since, old_step, old_log = orders[1], 0, 0, 0.0, 0.0
     end = times[k - 1]
     span = end - time
-    out[0] = state
+    for c in range(n):  # a loop: Numba compiles seconds of messages for arrays that are assigned
+        out[0, c] = state[c]
     done = 1
     counts[EVALUATIONS] += n + 1
     jacobian(time, state, system, slopes, slope, other)
@@ -200,7 +201,8 @@ def march(
         time = total
         counts[STEPS] += 1
         if last:
-            out[k - 1] = state
+            for c in range(n):
+                out[k - 1, c] = state[c]
             done = k
         derivative(time, state, system, slope)
         counts[EVALUATIONS] += 1

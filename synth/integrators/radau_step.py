@@ -14,6 +14,7 @@ of the next step.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,13 +31,19 @@ _SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluatio
 _CAREFUL = 0.1  # share of every time scale at the start that the first step may take
 
 _ONE, _S3, _S5, _S7 = (0,), (0,) * 3, (0,) * 5, (0,) * 7
-_N3, _N5, _N7 = THREE.nodes, FIVE.nodes, SEVEN.nodes
-_A3, _A5, _A7 = THREE.inverse, FIVE.inverse, SEVEN.inverse
-_M3, _M5, _M7 = THREE.modes, FIVE.modes, SEVEN.modes
-_P3, _P5, _P7 = THREE.projection, FIVE.projection, SEVEN.projection
-_R3, _R5, _R7 = THREE.rates, FIVE.rates, SEVEN.rates
-_E3, _E5, _E7 = THREE.error, FIVE.error, SEVEN.error
-_D3, _D5, _D7 = THREE.reciprocals, FIVE.reciprocals, SEVEN.reciprocals
+
+
+def _stacked(tables: Sequence[Any]) -> Any:
+    """One table of the methods of 3, 5 and 7 stages, from one of each, with zeros behind."""
+    largest = tables[-1].shape
+    return np.stack(
+        [np.pad(each, [(0, most - own) for most, own in zip(largest, each.shape, strict=True)]) for each in tables]
+    )
+
+
+_NODES, _RATES, _INVERSE, _MODES, _PROJECTION, _ERROR, _RECIPROCALS = (
+    _stacked(each) for each in zip(THREE, FIVE, SEVEN, strict=True)
+)
 
 
 class Space(NamedTuple):
@@ -84,46 +91,40 @@ def addresses(arrays: Space) -> Space:
 @kernel
 def _prepare(step: float, count: Any, size: Any, work: Space) -> bool:
     """Factor all matrices for a step; False if one is singular or not finite."""
-    s = len(count)
-    rates = _R3 if s == 3 else _R5 if s == 5 else _R7
-    inverse = 1.0 / step
-    good = factor(rates[0].real * inverse, work.slopes, size, work.stack, work.exchanges)
-    for k in range(1, (s + 1) // 2):
-        good &= factor_pair(
-            2 * k - 1, rates[k].real * inverse, rates[k].imag * inverse, work.slopes, size, work.stack, work.exchanges
-        )
+    method, inverse = len(count) // 2 - 1, 1.0 / step
+    good = factor(_RATES[method, 0].real * inverse, work.slopes, size, work.stack, work.exchanges)
+    for k in range(1, (len(count) + 1) // 2):
+        rate = _RATES[method, k] * inverse
+        good &= factor_pair(2 * k - 1, rate.real, rate.imag, work.slopes, size, work.stack, work.exchanges)
     return good
+
+
+@summing_kernel
+def _product(tables: Any, i: int, rows: Any, c: int, count: Any, size: Any) -> float:
+    """Row i of the method's matrix times column c of `rows` (s, n)."""
+    total = 0.0
+    for j in range(len(count)):
+        total += tables[len(count) // 2 - 1, i, j] * rows[j * len(size) + c]
+    return total
 
 
 @summing_kernel
 def _correct(step: float, count: Any, size: Any, work: Space) -> None:
     """Correct the increments z by Newton's method from the slopes f; g becomes the amplitudes of the correction."""
     n, s, z, f, g = len(size), len(count), work.z, work.f, work.g
-    matrix = _A3 if s == 3 else _A5 if s == 5 else _A7
     inverse = 1.0 / step
     for i in range(s):
         for c in range(n):
-            total = 0.0
-            for j in range(s):
-                total += matrix[i, j] * z[j * n + c]
-            f[i * n + c] -= inverse * total
-    matrix = _P3 if s == 3 else _P5 if s == 5 else _P7
+            f[i * n + c] -= inverse * _product(_INVERSE, i, z, c, count, size)
     for i in range(s):
         for c in range(n):
-            total = 0.0
-            for j in range(s):
-                total += matrix[i, j] * f[j * n + c]
-            g[i * n + c] = total
+            g[i * n + c] = _product(_PROJECTION, i, f, c, count, size)
     solve(size, work.stack, work.exchanges, g)
     for k in range(1, (s + 1) // 2):
         solve_pair(2 * k - 1, size, work.stack, work.exchanges, g)
-    matrix = _M3 if s == 3 else _M5 if s == 5 else _M7
     for i in range(s):
         for c in range(n):
-            total = 0.0
-            for j in range(s):
-                total += matrix[i, j] * g[j * n + c]
-            z[i * n + c] += total
+            z[i * n + c] += _product(_MODES, i, g, c, count, size)
 
 
 @summing_kernel
@@ -139,9 +140,8 @@ def _size(rows: Any, size: Any, work: Space) -> float:
 @kernel
 def _lower(count: Any, size: Any, work: Space) -> None:
     """Lower the inverse sizes of components that end larger than thought: one that starts at zero, above all."""
-    n, s = len(size), len(count)
-    for c in range(n):
-        ended = work.state[c] + work.z[(s - 1) * n + c]
+    for c in range(len(size)):
+        ended = work.state[c] + work.z[(len(count) - 1) * len(size) + c]
         if abs(ended) * work.scale[c] > 2.0:
             work.scale[c] = 1.0 / abs(ended)
 
@@ -171,7 +171,6 @@ def collocate(
         return NOT_FINITE, 0, 1.0
     n, s = len(size), len(count)
     state, z, f, point, slope = work.state, work.z, work.f, work.point, work.other
-    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     most = 2 * s + 2
     contraction, before, quotient, moved = -1.0, 0.0, 0.0, 0.0
     remainder = 1.0  # of the iteration over its last correction; unknown after the first
@@ -179,7 +178,7 @@ def collocate(
         for i in range(s):
             for c in range(n):
                 point[c] = state[c] + z[i * n + c]
-            derivative(time + nodes[i] * step, point, system, slope)
+            derivative(time + _NODES[s // 2 - 1, i] * step, point, system, slope)
             for c in range(n):
                 f[i * n + c] = slope[c]
         _correct(step, count, size, work)
@@ -219,7 +218,6 @@ def collocate_any(
 def differences(s: int, size: Any, work: Space) -> None:
     """The polynomial of the increments; it is zero at 0, and its first coefficient is the increment of the step."""
     n, out = len(size), work.polynomial
-    reciprocals = _D3 if s == 3 else _D5 if s == 5 else _D7
     for c in range(n):
         for i in range(s):
             out[i * n + c] = work.z[(s - 1 - i) * n + c]
@@ -227,18 +225,18 @@ def differences(s: int, size: Any, work: Space) -> None:
     for level in range(1, s + 1):
         for i in range(s, level - 1, -1):
             for c in range(n):
-                out[i * n + c] = (out[i * n + c] - out[(i - 1) * n + c]) * reciprocals[i, i - level]
+                rise = out[i * n + c] - out[(i - 1) * n + c]
+                out[i * n + c] = rise * _RECIPROCALS[s // 2 - 1, i, i - level]
 
 
 @summing_kernel
 def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) -> None:
     """Increments at the share `at` of the step, into a row of `out` (rows, n)."""
     n = len(size)
-    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     for c in range(n):
         total = polynomial[s * n + c]
         for i in range(s - 1, -1, -1):
-            total = total * (at - nodes[s - 1 - i]) + polynomial[i * n + c]
+            total = total * (at - _NODES[s // 2 - 1, s - 1 - i]) + polynomial[i * n + c]
         out[row * n + c] = total
 
 
@@ -249,14 +247,13 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, work: Space) 
     It starts at the share `begin` of that one, and is `ratio` times as long.
     """
     n, z, base = len(size), work.z, work.point
-    nodes = _N3 if s == 3 else _N5 if s == 5 else _N7
     if old == 0:
         for i in range(s * n):
             z[i] = 0.0
         return
     evaluate(begin, old, size, work.polynomial, base, 0)
     for i in range(s):
-        evaluate(begin + ratio * nodes[i], old, size, work.polynomial, z, i)
+        evaluate(begin + ratio * _NODES[s // 2 - 1, i], old, size, work.polynomial, z, i)
         for c in range(n):
             z[i * n + c] -= base[c]
 
@@ -284,12 +281,11 @@ def local_error(s: int, time: float, step: float, again: float, size: Any, work:
     overestimates what a stiff component has before it settled.
     """
     n, z, f, g, point = len(size), work.z, work.f, work.g, work.point
-    weights = _E3 if s == 3 else _E5 if s == 5 else _E7
-    gain = (_R3 if s == 3 else _R5 if s == 5 else _R7)[0].real / step
+    gain = _RATES[s // 2 - 1, 0].real / step
     for c in range(n):
         total = 0.0
         for i in range(s):
-            total += weights[i] * z[i * n + c]
+            total += _ERROR[s // 2 - 1, i] * z[i * n + c]
         f[c] = gain * total
         g[c] = work.slope[c] + f[c]
     solve(size, work.stack, work.exchanges, g)

@@ -106,19 +106,12 @@ def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
     places = np.append(nodes, np.longdouble(1.0))
     abscissa, share = _gauss()
     points = places[:, None] * abscissa
-    apart = nodes[:, None] - nodes
-    np.fill_diagonal(apart, 1.0)
-    scale = 1.0 / np.prod(apart, axis=1)
     distance = points[:, :, None] - nodes
-    basis = np.empty(distance.shape, dtype=np.longdouble)
-    for k in range(NODES):
-        others = np.delete(distance, k, axis=2)
-        basis[:, :, k] = np.prod(others, axis=2) * scale[k]
-    basis *= (places[:, None] * share)[:, :, None]
+    rest = [np.delete(distance, k, axis=2) / (nodes[k] - np.delete(nodes, k)) for k in range(NODES)]
+    basis = np.stack([each.prod(axis=2) for each in rest], axis=2) * (places[:, None] * share)[:, :, None]
     left = places[:, None] - points
-    doubles = (each[:NODES].astype(np.float64) for each in (places, left, basis))
-    first, second, third = doubles
-    return first, second, (left[NODES], basis[NODES]), third
+    inside, times, weighted = (each[:NODES].astype(np.float64) for each in (places, left, basis))
+    return inside, times, (left[NODES], basis[NODES]), weighted
 
 
 def _long(ball: Any) -> Any:
@@ -168,9 +161,8 @@ def _propagator(square: Any, loss: Any, interval: Any, unit: Any) -> list[float]
 @functools.cache
 def gauss_nodes() -> Integers:
     """Gauss-Legendre nodes in units of 1/FINE, on (-FINE, FINE), increasing and even about zero."""
-    after = np.rint(np.polynomial.legendre.leggauss(NODES)[0][(NODES + 1) // 2 :] * FINE).astype(np.int64)
-    middle = np.zeros(NODES % 2, dtype=np.int64)
-    return np.concatenate([-after[::-1], middle, after])
+    after = np.rint(np.polynomial.legendre.leggauss(NODES)[0][NODES // 2 :] * FINE).astype(np.int64)
+    return np.concatenate([-after[::-1], after])
 
 
 @functools.cache
@@ -183,33 +175,20 @@ def barycentric() -> tuple[Floats, Floats]:
 
 
 def interpolation(place: Floats) -> Floats:
-    """Rows that give y anywhere in an interval from its start, its nodes and its end.
-
-    Parameters
-    ----------
-    place : (moments,)
-        In [0, 1], in intervals.
-
-    Returns
-    -------
-    (moments, POINTS) float64
-        Barycentric weights of the polynomial through all of them.
-    """
+    """Rows (moments, POINTS) that give y at places (moments,) in an interval, 0 to 1, from its start, nodes and end."""
     points, share = barycentric()
     distance = (2.0 * np.asarray(place) - 1.0)[:, None] - points
     exact = distance == 0.0
     distance[exact] = 1.0
-    result = share / distance
-    hit = exact.any(axis=1)
-    result[hit] = exact[hit]
-    result /= result.sum(axis=1, keepdims=True)
-    return np.ascontiguousarray(result)
+    rows = np.where(exact.any(axis=1, keepdims=True), exact, share / distance)
+    rows /= rows.sum(axis=1, keepdims=True)
+    return rows
 
 
 @functools.cache
 def legendre_tail() -> Floats:
     """Rows that give the last four Legendre coefficients of r from its nodes, flat (4 * NODES,)."""
-    return np.ascontiguousarray(_projection()[-4:]).ravel()
+    return _projection()[-4:].ravel()
 
 
 def _projection() -> Floats:
@@ -222,5 +201,4 @@ def _projection() -> Floats:
 def continuation() -> Floats:
     """(node, node): r at the nodes of the next interval, from its polynomial in this one; good to five digits."""
     beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, NODES - 1)
-    result: Floats = beyond @ _projection()
-    return result
+    return np.asarray(beyond @ _projection())

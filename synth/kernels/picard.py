@@ -64,7 +64,7 @@ def march(
         Square of an angle below which agreement is not asked for in relation to y alone.
     stop : float
         Change of r, relative to the angle, from which an iteration is the last.
-    points : (pendulums, intervals, POINTS)
+    points : (pendulums, intervals or more, POINTS)
         Receives y at start, nodes and end of every interval.
     report : (pendulums, 5)
         Squares: largest last and last but one pair of Legendre coefficients of r, sum of r, largest amplitude of y;
@@ -80,9 +80,10 @@ def march(
     pendulums, intervals = steady.shape[0], steady.shape[1]
     base, theta = np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
     known = np.empty((2, pendulums, NODES))  # r of this turn and of the turn before, in either order
-    known[0] = remainder
-    now = 0
-    unchecked = 0
+    for p in range(pendulums):  # loops: Numba compiles seconds of messages for arrays that are assigned
+        for j in range(0, NODES, LANES):
+            store(known, (0, p, j), load(remainder, (p, j)))
+    now, unchecked = 0, 0
     for i in range(intervals):
         for p in range(pendulums):
             _free(flow, steady, p, i, state[p, 0], state[p, 2], base)
@@ -123,7 +124,9 @@ def march(
             for k in range(2):
                 state[p, 2 * k] = impulses[0, p, i] * state[p, 2 * k] + impulses[1 + k, p, i]
                 state[p, 2 * k + 1] *= impulses[0, p, i]
-    remainder[:] = known[now]
+    for p in range(pendulums):
+        for j in range(0, NODES, LANES):
+            store(remainder, (p, j), load(known, (now, p, j)))
     return int(intervals)
 
 

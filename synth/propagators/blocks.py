@@ -44,43 +44,29 @@ Places = NDArray[np.uint64]  # Where in the period, in 2^-64 of it
 class Ticks:
     """Moments t = index * step."""
 
-    index: Integers  # (moments,) evenly spaced or not
+    index: Integers  # (moments,)
+    stride: int | None = None  # from one to the next, where it is the same for all
 
-    @property
-    def count(self) -> int:
-        """Number of moments."""
-        return self.index.size
-
-    def phasors(self, rate: Turns) -> Phasors:
-        """Return exp(i w t), (harmonics, moments), exact to rounding."""
-        return rate.phasors(self.index)
-
-
-@dataclass(frozen=True)
-class EvenTicks:
-    """Moments t = (first + stride * k) * step, k = 0, 1 ... count - 1."""
-
-    first: int
-    stride: int
-    count: int
-
-    @property
-    def index(self) -> Integers:
-        """All of them, (moments,) int64."""
-        return np.arange(self.count, dtype=np.int64) * self.stride + self.first
+    @classmethod
+    def even(cls, first: int, stride: int, count: int) -> Ticks:
+        """Evenly spaced ones."""
+        return cls(np.arange(count, dtype=np.int64) * stride + first, stride)
 
     def phasors(self, rate: Turns) -> Phasors:
-        """Return exp(i w t), (harmonics, moments), exact to rounding: products of three short rows, to spare sines."""
-        side = round(self.count ** (1 / 3)) or 1
-        outer = -(-self.count // side**2)
+        """Return exp(i w t), (harmonics, moments), exact to rounding; of even ones as products of three short rows."""
+        if self.stride is None or not self.index.size:
+            return rate.phasors(self.index)
+        count = self.index.size
+        side = round(count ** (1 / 3)) or 1
+        outer = -(-count // side**2)
         steps = [np.arange(side), np.arange(side) * side, np.arange(outer) * side**2]
         index = np.concatenate(steps) * self.stride
-        index[:side] += self.first
+        index[:side] += self.index[0]
         short = rate.phasors(index)
         rows = len(short)
         pairs = (short[:, side : 2 * side, None] * short[:, None, :side]).reshape(rows, side**2)
         table = short[:, 2 * side :, None] * pairs[:, None, :]
-        return table.reshape(rows, outer * side**2)[:, : self.count]
+        return table.reshape(rows, outer * side**2)[:, :count]
 
 
 @dataclass(frozen=True)
@@ -90,15 +76,15 @@ class Blocks:
     The moments of a block run from the farthest before the centre to the farthest after it.
     """
 
-    centres: Ticks | EvenTicks  # t_b
-    reaches: Ticks | EvenTicks  # tau, positive and increasing
+    centres: Ticks  # t_b
+    reaches: Ticks  # tau, positive and increasing
     centre_step: Fraction
     reach_step: Fraction  # Their steps, s; exact
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of blocks, and of moments in each."""
-        return self.centres.count, 2 * self.reaches.count
+        return self.centres.index.size, 2 * self.reaches.index.size
 
     def phasors(self, frequencies: Sequence[float | Fraction]) -> tuple[Phasors, Phasors]:
         """Return exp(i w t_b), (harmonics, blocks), and exp(i w tau), (harmonics, reaches)."""

@@ -36,7 +36,7 @@ from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats
-from synth.propagators.blocks import EvenTicks
+from synth.propagators.blocks import Ticks
 from synth.propagators.picard_error import Estimate
 from synth.propagators.picard_forcing import Grid, Readings, Sums, steady_at
 from synth.propagators.times import EvenTimes, UnevenTimes
@@ -220,7 +220,7 @@ class _Level:
 
     def forcing(self, first: int, count: int) -> Forcing:
         """What acts in `count` intervals from the `first`."""
-        centres = EvenTicks(first + _GROUP // 2, _GROUP, count // _GROUP)
+        centres = Ticks.even(first + _GROUP // 2, _GROUP, count // _GROUP)
         sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
         vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
         rest = horizontal[self._pendulums :]
@@ -292,10 +292,10 @@ def _stride(
     report[:, 3] = np.maximum(report[:, 3], state[:, 0] ** 2 + state[:, 2] ** 2)
     angle = np.minimum(peak + np.sqrt(report[:, 3]), np.pi)
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
-    points = level.points[:, :count]
     floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
     stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
-    done = march(state, remainder, forcing, level.law, floor, stop, points, report)
+    done = march(state, remainder, forcing, level.law, floor, stop, level.points, report)  # whole: a part compiles anew
+    points = level.points[:, :count]
     if done < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)

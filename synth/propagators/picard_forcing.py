@@ -18,7 +18,7 @@ import numpy as np
 from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
 from synth.motion.harmonic_sum import Comb
 from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import EvenTicks, PeriodicSums, product
+from synth.propagators.blocks import PeriodicSums, Ticks, product
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
@@ -67,14 +67,14 @@ class Grid:
             for each in sums.transforms
         ]
 
-    def evaluate(self, centres: EvenTicks) -> Floats:
+    def evaluate(self, centres: Ticks) -> Floats:
         """Real parts of the sums, (sums, centres * moments), in order of time.
 
         A harmonic Re(U exp(i w (t_b + tau))) has an even part in tau, Re(U_b) cos(w tau), and an odd part,
         -Im(U_b) sin(w tau).
         """
         head = centres.phasors(self._rate)
-        rows = len(self._coefficients) * centres.count
+        rows = len(self._coefficients) * centres.index.size
         weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), rows)
         result = np.empty((rows, 2 * self._even.shape[1]))
         product([(weights.real, self._even)], [(weights.imag, self._odd)], result)

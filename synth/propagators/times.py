@@ -29,7 +29,7 @@ import numpy as np
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators.blocks import Blocks, EvenTicks, PeriodicSums, Places, Ticks, product
+from synth.propagators.blocks import Blocks, PeriodicSums, Places, Ticks, product
 
 Seconds = tuple[Floats, Floats]  # t_b and tau, s
 
@@ -202,8 +202,8 @@ class EvenTimes(Times):
         Centres lie half-way between two moments, so all counting is in half steps.
         """
         half = max(1, math.isqrt(self.count // 6))
-        centres = EvenTicks(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
-        blocks = Blocks(centres, EvenTicks(1, 2, half), self.step / 2, self.step / 2)
+        centres = Ticks.even(2 * (half + self.first) - 1, 4 * half, -(-self.count // (2 * half)))
+        blocks = Blocks(centres, Ticks.even(1, 2, half), self.step / 2, self.step / 2)
         return blocks, lambda values: values.reshape(len(values), -1)[:, : self.count]
 
 

@@ -21,7 +21,7 @@ def bernstein(polynomial: np.polynomial.Polynomial) -> Floats:
 def first(coefficients: Floats, direction: int = 0, before: int = 0) -> float:
     rows = np.zeros((60, DEGREE + 1))
     rows[0] = coefficients
-    return float(first_crossing(rows, np.zeros((60, 2)), np.zeros(DEGREE + 1), before, direction))
+    return float(first_crossing(rows, np.zeros((60, 2)), before, direction))
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -86,6 +86,6 @@ def test_table_turns_the_dense_output_into_bernstein_form() -> None:
 def test_margin_is_the_value_at_the_turn() -> None:
     rows = np.zeros((60, DEGREE + 1))
     rows[0] = bernstein(np.polynomial.Polynomial([0.16 - 1e-6, -0.8, 1.0]))  # turns at 0.4, where it is -1e-6
-    assert margin(rows, np.zeros(DEGREE + 1)) == pytest.approx(1e-6, rel=1e-8)
+    assert margin(rows) == pytest.approx(1e-6, rel=1e-8)
     rows[0] = bernstein(np.polynomial.Polynomial([1.0, 1.0]))
-    assert margin(rows, np.zeros(DEGREE + 1)) == np.inf
+    assert margin(rows) == np.inf

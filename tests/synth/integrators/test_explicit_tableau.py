@@ -7,10 +7,10 @@ from math import prod
 
 import pytest
 
-from synth.integrators.explicit_step import CORRECTION, DENSE, ERRORS, NODES, WEIGHTS
+from synth.integrators.explicit_step import CORRECTION, DENSE, ERRORS, INSIDE, NODES
 
-A = [[Fraction(value) for value in row] for row in WEIGHTS[:12]]
-B = [Fraction(value) + Fraction(small) for value, small in zip(WEIGHTS[12], CORRECTION, strict=True)]
+A = [[Fraction(value) for value in row] for row in INSIDE[:12]]
+B = [Fraction(value) + Fraction(small) for value, small in zip(INSIDE[12, :12], CORRECTION, strict=True)]
 C = [sum(row, Fraction(0)) for row in A]
 
 Tree = tuple["Tree", ...]
@@ -72,9 +72,9 @@ def test_order_nine_is_not_met() -> None:
 
 
 def test_nodes_are_row_sums() -> None:
-    for row, node in zip(WEIGHTS[1:12], NODES[1:12], strict=True):
+    for row, node in zip(INSIDE[1:12], NODES[1:12], strict=True):
         assert sum(map(Fraction, row)) == pytest.approx(Fraction(node), abs=1e-14)  # weights of 40, rounded
-    for row, node in zip(WEIGHTS[13:], NODES[13:], strict=True):
+    for row, node in zip(INSIDE[13:], NODES[13:], strict=True):
         assert sum(map(Fraction, row)) == pytest.approx(Fraction(node), abs=1e-15)
 
 

@@ -48,6 +48,7 @@ class FilmEmulsion:
     grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
     spot: float = 0.0  # px, 1 sigma of the spot on the film; 0 where it is not known
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
+    swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
 
     @cached_property

@@ -55,8 +55,8 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     probed = probe(partial(shown_darkness, sharp, scan), scan.rows, float(np.sqrt(sharp.grain[0])))
     if probed is None:
         return sharp
-    _, optics = probed
-    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot)
+    section, optics = probed
+    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot, swing=section.period)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
@@ -81,9 +81,13 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
 
 
 def probe(
-    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None
-) -> tuple[Section, Optics] | None:
-    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film."""
+    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None,
+    period: float | None = None,
+) -> tuple[Section, Optics] | None:  # fmt: skip
+    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film.
+
+    `period` is the length of a swing in rows, where it is known.
+    """
     height = FIRST_ROWS
     while True:
         tried: list[tuple[int, int]] = []
@@ -94,7 +98,7 @@ def probe(
                 break
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma)
-            one = _read_askew(piece, first, guess, read[0][0].period if read else None, count)
+            one = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
             tried.append((first, stop))
             read += [] if one is None else [one]
         if read:

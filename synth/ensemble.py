@@ -236,17 +236,10 @@ class _Job(NamedTuple):
 
 
 def write_ensemble(
-    scene: Scene,
-    members: int,
-    folder: str | os.PathLike[str],
-    *,
-    name: str | None = None,
-    seed: int | None = None,
-    vary: Vary | None = None,
-    workers: int = 1,
-    overwrite: bool = False,
+    scene: Scene, members: int, folder: str | os.PathLike[str], *, name: str | None = None, seed: int | None = None,
+    vary: Vary | None = None, workers: int = 1, overwrite: bool = False,
     progress: Callable[[int, int], object] | None = None,
-) -> Written:
+) -> Written:  # fmt: skip
     """Simulate many members of a scene to files ``NAME-0001.record.nc``, ``NAME-0001.truth.nc``, ...
 
     Member by member they are what `simulate_ensemble` gives, bit for bit. A member whose two files are there, whole and

@@ -35,7 +35,7 @@ import numpy as np
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, period
-from data_schemas.scene_motion import GimbalTilt, HarmonicMotion, HarmonicTilt, Tilt
+from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, Tilt
 from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.motion.tabulated import continued, tabulated
@@ -63,13 +63,9 @@ def stiffening(scene: Scene) -> HarmonicSum | None:
     k = given.temperature_amplitude * float(np.mean(shares))
     gravity, turn, phase = felt_gravity(scene), 2.0 * math.pi / given.temperature_period, given.temperature_phase
     # -2 k sin(x) + 3 k^2 sin(x)^2
-    return harmonics(
-        HarmonicMotion(
-            amplitude=(2.0 * k * gravity, 1.5 * k**2 * gravity, -1.5 * k**2 * gravity),
-            angular_frequency=(turn, 0.0, 2.0 * turn),
-            phase=(phase + 0.5 * math.pi, 0.0, 2.0 * phase),
-        )
-    )
+    phases = np.array([phase + 0.5 * math.pi, 0.0, 2.0 * phase])
+    sizes = np.array([2.0 * k * gravity, 1.5 * k**2 * gravity, -1.5 * k**2 * gravity])
+    return HarmonicSum(np.array([turn, 0.0, 2.0 * turn]), sizes * np.exp(1j * phases))
 
 
 def gravity_change(scene: Scene, end: float) -> HarmonicSum | None:

@@ -90,18 +90,17 @@ class Transport:
     def __init__(self, film: Film, begin: float, end: float, seed: int) -> None:
         self._film, self._begin, self._length = film, begin, end - begin
         self._phase = float(generator(seed, "film wow").uniform(0.0, 2 * np.pi)) if film.wow else 0.0
-        self._knots, self._walk = np.array([0.0, self._length]), np.zeros(2)
         if film.walk:
+            from scipy.interpolate import make_interp_spline
             from scipy.signal import lfilter
 
             count = int(np.ceil(self._length / (film.walk_time / _KNOTS))) + 1
             keep = np.exp(-1.0 / _KNOTS)
             draws = generator(seed, "film walk").standard_normal(count)
             draws[1:] *= np.sqrt(1.0 - keep**2)
-            self._walk = film.walk * np.clip(lfilter([1.0], [1.0, -keep], draws), -_MOST, _MOST)
-            self._knots = np.arange(count, dtype=np.float64) * (film.walk_time / _KNOTS)
-        spans = np.diff(self._knots)
-        self._walked_off = np.concatenate([[0.0], np.cumsum(0.5 * spans * (self._walk[1:] + self._walk[:-1]))])
+            walk = film.walk * np.clip(lfilter([1.0], [1.0, -keep], draws), -_MOST, _MOST)
+            self._walk = make_interp_spline(np.arange(count) * (film.walk_time / _KNOTS), walk, k=1)
+            self._walked = self._walk.antiderivative()
         self.length = float(self.travel(np.array([end]))[0])
         """Travel at the end, mm."""
 
@@ -114,10 +113,7 @@ class Transport:
             turn = 2 * np.pi / film.wow_period
             run += film.wow / turn * (np.cos(self._phase) - np.cos(turn * since + self._phase))
         if film.walk:
-            cell = np.clip(np.searchsorted(self._knots, since, side="right") - 1, 0, self._knots.size - 2)
-            within = since - self._knots[cell]
-            rise = (self._walk[cell + 1] - self._walk[cell]) / (self._knots[cell + 1] - self._knots[cell])
-            run += self._walked_off[cell] + within * (self._walk[cell] + 0.5 * rise * within)
+            run += self._walked(since)
         beyond = (time - self._begin) - since
         return film.speed * run + beyond * self.speed(time)
 
@@ -129,7 +125,7 @@ class Transport:
         if film.wow:
             rate += film.wow * np.sin(2 * np.pi / film.wow_period * since + self._phase)
         if film.walk:
-            rate += np.interp(since, self._knots, self._walk)
+            rate += self._walk(since)
         return film.speed * rate
 
     def time_at(self, travel: Floats) -> Floats:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -22,8 +20,6 @@ if TYPE_CHECKING:
 RATE = 100  # Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s
 FEWEST = 8  # Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5
 _BETWEEN = 60.0  # s between two readings of the thermometers
-BLOCK = 1 << 16  # samples of one set of splines
-_BESIDE = 64  # samples beyond a block that its splines see: what lies further away counts 0.43^64 = 1e-23
 _DEGREE = 5
 
 
@@ -162,39 +158,26 @@ class Curves:
     """
 
     def __init__(self, source: Source, beyond: float) -> None:
-        self._source, self._beyond = source, beyond
-        self._starts = source.time[BLOCK::BLOCK]  # of all blocks but the first
-        self._block = functools.lru_cache(maxsize=2)(self._splines)
+        from scipy.interpolate import make_interp_spline
+
+        self._traces = []
+        for row in source.elongation:
+            good = np.isfinite(row)
+            time, values, place = source.time[good], row[good], np.flatnonzero(good)
+            broken = (np.diff(place) > 1) | (np.diff(time) > source.longest)
+            runs = [run for run in np.split(np.arange(time.size), np.flatnonzero(broken) + 1) if run.size > 1]
+            splines = [make_interp_spline(time[run], values[run], k=min(_DEGREE, run.size - 1)) for run in runs]
+            ends = np.array([(time[run[0]] - beyond, time[run[-1]] + beyond) for run in runs]).reshape(-1, 2)
+            self._traces.append((time, values, splines, ends))
 
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Elongation and its rate, (traces, times) rad and rad/s, at increasing times."""
-        owner = np.searchsorted(self._starts, times, side="right")
-        parts = [[curve(times[owner == block]) for curve in self._block(block)] for block in np.unique(owner).tolist()]
-        value, rate = np.concatenate([np.array(part) for part in parts], axis=2).swapaxes(0, 1)
+        value, rate = np.zeros((2, len(self._traces), times.size))
+        for k, (time, values, splines, ends) in enumerate(self._traces):
+            if time.size:
+                value[k] = np.interp(times, time, values)
+            met = slice(np.searchsorted(ends[:, 1], times[0]), np.searchsorted(ends[:, 0], times[-1], side="right"))
+            for spline, span in zip(splines[met], ends[met], strict=True):
+                here = slice(*np.searchsorted(times, span))
+                value[k, here], rate[k, here] = spline(times[here]), spline(times[here], 1)
         return value, rate
-
-    def _splines(self, block: int) -> list[Callable[[Floats], tuple[Floats, Floats]]]:
-        """Curve of each trace over a block of samples."""
-        here = slice(max(block * BLOCK - _BESIDE, 0), (block + 1) * BLOCK + _BESIDE)
-        time = self._source.time[here]
-        return [self._curve(time, row[here]) for row in self._source.elongation]
-
-    def _curve(self, time: Floats, values: Floats) -> Callable[[Floats], tuple[Floats, Floats]]:
-        from scipy.interpolate import make_interp_spline
-
-        good = np.flatnonzero(np.isfinite(values))
-        broken = (np.diff(good) > 1) | (np.diff(time[good]) > self._source.longest)
-        runs = [run for run in np.split(good, np.flatnonzero(broken) + 1) if run.size > 1]
-        splines = [make_interp_spline(time[run], values[run], k=min(_DEGREE, run.size - 1)) for run in runs]
-
-        def at(times: Floats) -> tuple[Floats, Floats]:
-            value, rate = np.zeros((2, times.size))
-            if good.size:
-                value = np.interp(times, time[good], values[good])
-            for run, spline in zip(runs, splines, strict=True):
-                ends = time[run[0]] - self._beyond, time[run[-1]] + self._beyond
-                here = slice(*np.searchsorted(times, ends))
-                value[here], rate[here] = spline(times[here]), spline(times[here], 1)
-            return value, rate
-
-        return at

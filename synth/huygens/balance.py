@@ -17,7 +17,7 @@ clock that stands still (A_i = 0) solves the equations of motion but not (7), an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -128,11 +128,11 @@ class _Equations:
         high = min((1 + reach + self._arc * _LARGEST_SHARE) / tuning - 1 for tuning in self._tuning)
         return max(low, Fraction(-1)), high
 
-    def conics(self, beta: Any) -> list[Conic]:
+    def conics(self, beta: Any, number: Callable[[Fraction], Any] = rational) -> list[Conic]:
         """The first two equations less s, and beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
-        feed, arc, half, none = (rational(each) for each in (self._feed, self._arc, self._coupling / 2, Fraction(0)))
-        one, two = ((1 + beta) * rational(tuning) - 1 - arc for tuning in self._tuning)
-        square = arc**2 + rational(self._drive) ** 2 * (1 + beta)
+        feed, arc, half, none = (number(each) for each in (self._feed, self._arc, self._coupling / 2, Fraction(0)))
+        one, two = ((1 + beta) * number(tuning) - 1 - arc for tuning in self._tuning)
+        square = arc**2 + number(self._drive) ** 2 * (1 + beta)
         even, first, second = half * arc - beta * feed, half * (arc - one), half * (arc - two)
         return [
             (square + feed, none, feed, 2 * arc * one - feed, -feed, one**2),
@@ -142,16 +142,9 @@ class _Equations:
 
     def _values(self, point: Any) -> Any:
         """The three conics, each divided by its own size, at (beta, g_1, g_2)."""
-        beta, first, second = point
-        d1, d2, arc, loss = self._detunings(beta)
-        e1, e2 = d1 + arc * first, d2 + arc * second
-        feed, half = float(self._feed), 0.5 * self._clocks.coupling
-        s = feed * (first * (1.0 - first) + second * (1.0 - second))
-        third = beta * s - half * ((1.0 - first) * e1 + (1.0 - second) * e2)
-        scale = feed if feed > 0.0 else 1.0
-        return np.array(
-            [(e1 * e1 + loss * first**2 - s) / scale, (e2 * e2 + loss * second**2 - s) / scale, third / half]
-        )
+        beta, one, two = point
+        sizes = np.array([float(self._feed), float(self._feed), 0.5 * self._clocks.coupling])
+        return np.array(self.conics(beta, float)) @ np.array([one * one, one * two, two * two, one, two, 1.0]) / sizes
 
     def _detunings(self, beta: Any) -> tuple[Any, Any, float, Any]:
         """D_1, D_2, arc and delta^2."""

@@ -1,4 +1,4 @@
-"""A simulation in portions: the same bits in memory and on the disk, chance that knows no portions, bounded memory."""
+"""A simulation in chunks: the same bits in memory and on the disk, chance that knows no chunks, bounded memory."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ DEFECTS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture
-def portions_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Set the number of readings in a portion."""
+def chunks_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Set the number of samples in a chunk."""
 
     def change(size: int) -> None:
         monkeypatch.setattr(clock, "CHUNK", size)
@@ -53,9 +53,9 @@ def portions_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
 @pytest.mark.parametrize("recording", DEFECTS.values(), ids=DEFECTS)
 @pytest.mark.parametrize("restoring", ["linear", "sine"])
 def test_a_file_is_the_same_bits_as_memory(
-    make_scene: Maker, tmp_path: Path, portions_of: Callable[[int], None], recording: dict[str, Any], restoring: str
+    make_scene: Maker, tmp_path: Path, chunks_of: Callable[[int], None], recording: dict[str, Any], restoring: str
 ) -> None:
-    portions_of(128)
+    chunks_of(128)
     scene = make_scene(recording=recording, restoring=restoring)
     in_memory = simulate(scene)
     paths = tmp_path / "a.record.nc", tmp_path / "a.truth.nc"
@@ -66,14 +66,14 @@ def test_a_file_is_the_same_bits_as_memory(
 
 
 @pytest.mark.parametrize("recording", DEFECTS.values(), ids=DEFECTS)
-def test_chance_does_not_depend_on_portions(
-    make_scene: Maker, portions_of: Callable[[int], None], recording: dict[str, Any]
+def test_chance_does_not_depend_on_chunks(
+    make_scene: Maker, chunks_of: Callable[[int], None], recording: dict[str, Any]
 ) -> None:
     """The motion may differ by rounding, for matrix products of other shapes add up otherwise; nothing else does."""
     scene = make_scene(recording=recording)
     whole = simulate(scene)
     for size in (17, 256):
-        portions_of(size)
+        chunks_of(size)
         cut = simulate(scene)
         for one, other in zip(whole, cut, strict=True):
             np.testing.assert_array_equal(one["time"].values, other["time"].values)
@@ -95,17 +95,17 @@ def test_chance_does_not_depend_on_portions(
             np.testing.assert_allclose(a, b, rtol=0, atol=tolerance)
 
 
-def test_collocation_does_not_depend_on_portions(make_scene: Maker, portions_of: Callable[[int], None]) -> None:
+def test_collocation_does_not_depend_on_chunks(make_scene: Maker, chunks_of: Callable[[int], None]) -> None:
     """It marches in strides of its own, whatever is asked of it."""
     scene = make_scene(restoring="sine")
     whole = simulate(scene)[1]
-    portions_of(50)
+    chunks_of(50)
     cut = simulate(scene)[1]
     np.testing.assert_array_equal(whole["truth/theta"].values, cut["truth/theta"].values)
     assert whole.attrs == cut.attrs
 
 
-def test_phases_unwrap_as_numpy_does_whatever_the_portions() -> None:
+def test_phases_unwrap_as_numpy_does_whatever_the_chunks() -> None:
     chance = np.random.default_rng(8)
     base = 6.2 * np.arange(400) / 5 + np.array([[0.3], [-20.0]])
     phase = base + np.cumsum(chance.normal(scale=0.5, size=base.shape), axis=1)
@@ -122,10 +122,10 @@ def test_phases_unwrap_as_numpy_does_whatever_the_portions() -> None:
     assert Unwrapping()(signal[:, :0], base[:, :0]).shape == (2, 0)
 
 
-def test_even_clocks_are_not_listed(make_scene: Maker, portions_of: Callable[[int], None]) -> None:
+def test_even_clocks_are_not_listed(make_scene: Maker, chunks_of: Callable[[int], None]) -> None:
     whole = set_clock(make_scene(recording={"sampling_rate": "25/3", "chronometer_rate": 20.0}))
-    portions_of(64)
-    parts = list(whole.portions(2))
+    chunks_of(64)
+    parts = list(whole.chunks())
     assert [part.count for part in parts] == [64] * 5 + [14]
     np.testing.assert_array_equal(np.concatenate([part.seconds for part in parts]), whole.seconds)
     assert whole.true_end == whole.true_seconds[-1]
@@ -133,9 +133,9 @@ def test_even_clocks_are_not_listed(make_scene: Maker, portions_of: Callable[[in
 
 @pytest.mark.parametrize("recording", [{}, {"noise": 1e-5, "mark_gap": 0.5, "missing": [[5.0, 6.0]]}])
 def test_memory_does_not_grow_with_the_record(
-    make_scene: Maker, portions_of: Callable[[int], None], tmp_path: Path, recording: dict[str, Any]
+    make_scene: Maker, chunks_of: Callable[[int], None], tmp_path: Path, recording: dict[str, Any]
 ) -> None:
-    portions_of(1 << 13)
+    chunks_of(1 << 13)
 
     def peak(duration: float) -> int:
         scene = make_scene(duration=duration, recording=recording)
@@ -154,9 +154,9 @@ def test_memory_does_not_grow_with_the_record(
 
 @pytest.mark.parametrize("older", [False, True])
 def test_an_interrupt_leaves_the_folder_as_it_was(
-    make_scene: Maker, portions_of: Callable[[int], None], tmp_path: Path, older: bool
+    make_scene: Maker, chunks_of: Callable[[int], None], tmp_path: Path, older: bool
 ) -> None:
-    portions_of(300)
+    chunks_of(300)
     paths = tmp_path / "a.record.nc", tmp_path / "a.truth.nc"
     if older:
         simulate_to(make_scene(seed=3), *paths)
@@ -175,9 +175,9 @@ def test_an_interrupt_leaves_the_folder_as_it_was(
 
 
 def test_a_motion_that_turns_out_too_wild_leaves_nothing(
-    make_scene: Maker, portions_of: Callable[[int], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    make_scene: Maker, chunks_of: Callable[[int], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    portions_of(300)
+    chunks_of(300)
     monkeypatch.setattr("synth.propagate.CLOSED_FORM_ERROR", 1e-3)
     with pytest.raises(SceneError, match=r"estimated error is 0\.001"):
         simulate_to(make_scene(), tmp_path / "a.record.nc", tmp_path / "a.truth.nc")
@@ -226,13 +226,13 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("name", ["clocks-on-beam", "escapement"])
-def test_an_integrated_motion_does_not_depend_on_portions(
-    name: str, tmp_path: Path, portions_of: Callable[[int], None]
+def test_an_integrated_motion_does_not_depend_on_chunks(
+    name: str, tmp_path: Path, chunks_of: Callable[[int], None]
 ) -> None:
-    """It is integrated whole, and written in portions."""
+    """It is integrated whole, and written in chunks."""
     scene = Scene.model_validate(load_scene(scene_path(name)).model_dump() | {"duration": 20.0})
     whole = simulate(scene)[1]
-    portions_of(64)
+    chunks_of(64)
     paths = tmp_path / "a.record.nc", tmp_path / "a.truth.nc"
     simulate_to(scene, *paths)
     assert read(paths[1]).identical(simulate(scene)[1])
@@ -269,8 +269,8 @@ def _day(folder: Path, program: str, readings: int, most: int = 300_000) -> None
     assert kilobytes < most
 
 
-def test_a_stream_is_lazy(make_scene: Maker, portions_of: Callable[[int], None]) -> None:
-    portions_of(100)
+def test_a_stream_is_lazy(make_scene: Maker, chunks_of: Callable[[int], None]) -> None:
+    chunks_of(100)
     scene = make_scene(duration=1e6)  # 25 million readings, which nobody waits for
     record, truth = next(stream(scene, set_clock(scene)))
     assert record["record"].variables["elongation"].values.shape == (2, 100)

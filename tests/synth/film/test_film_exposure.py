@@ -123,15 +123,6 @@ def test_portions_do_not_change_a_bit(monkeypatch):
     np.testing.assert_array_equal(np.concatenate(pieces), whole)
 
 
-def test_blocks_of_samples_do_not_show(monkeypatch):
-    record = record_of(swing(), seconds=6.0)
-    whole = crossings(plan_film(source_of(record), Film(**SMALL), 1))
-    monkeypatch.setattr("synth.film.source.BLOCK", 100)
-    cut = crossings(plan_film(source_of(record), Film(**SMALL), 1))
-    for one, other in zip(whole, cut, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-9)
-
-
 def test_crossings_lie_on_the_curve():
     plan = planned(Film(**SMALL, skew=1.0, rotation=0.5, wow=0.02, wow_period=0.7), swing())
     time, elongation, column, slope = (each[0] for each in crossings(plan))

@@ -38,21 +38,12 @@ def clustered(
 ) -> Generator[list[Outcome]]:
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
+    Jobs are taken as the cluster gets free. `address` is the scheduler's, such as ``tcp://10.0.0.1:8786``; `methods`
+    and `timeout` as `Isolated` takes them; `security` has `distributed.Security`'s files for TLS: ``tls_ca_file``,
+    ``tls_client_cert``, ``tls_client_key``; `told` is given a line when the batch has to wait for workers.
+
     `UsageError` where dask is not installed, no scheduler answers, it is gone before the end, or has no workers for
     `PATIENCE` seconds.
-
-    Parameters
-    ----------
-    jobs : iterable of (Path, Config)
-        Taken as the cluster gets free.
-    address : str
-        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
-    methods, timeout
-        See `Isolated`.
-    security : mapping, optional
-        `distributed.Security`'s files for TLS: ``tls_ca_file``, ``tls_client_cert``, ``tls_client_key``.
-    told : callable
-        Given a line when the batch has to wait for workers.
     """
     try:
         from distributed import Client, Security

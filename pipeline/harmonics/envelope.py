@@ -99,18 +99,10 @@ def fill(values: Complexes) -> Complexes:
 
 
 def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
-    """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
+    """Envelope of both series (n,), rad, NaN = missing, about a carrier of `frequency`, rad s-1.
 
-    Flat at the pendulum's frequency, and some 95 dB down where swell is.
-
-    Parameters
-    ----------
-    time, first, difference : (n,) arrays
-        s, rad, rad; NaN = missing.
-    step : float
-        Sampling step, s.
-    frequency : float
-        Carrier, rad s-1.
+    Its instants are `HOP_SECONDS` apart (further where the window must be long). Flat at the pendulum's frequency, and
+    some 95 dB down where swell is.
     """
     length = window_length(frequency, step, float(time[-1]) + step)
     half = max(8, round(0.5 * length / step))
@@ -137,7 +129,7 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     )
 
 
-@lru_cache(maxsize=4)  # records of one instrument have one window
+@lru_cache(maxsize=2)  # records of one instrument have one window
 def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats, Floats]:
     """Basis (rows, 8), Kaiser weight (rows,) and taps (8, rows) of a window of `2 half + 1` samples."""
     x = np.arange(-half, half + 1) / half
@@ -230,17 +222,7 @@ def windowed(cut: float, reach: int, step: float, rejection: float) -> tuple[Flo
 
 
 def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
-    """Separate the slow motion.
-
-    Parameters
-    ----------
-    theta : (n,) array
-        First pendulum, rad, whole.
-    vertical : (n,) array or None
-        z'', m s-2.
-    step, frequency, gravity : float
-        s, rad s-1, m s-2.
-    """
+    """Separate the slow motion of the first pendulum, (n,), rad, whole, and of the heave z'', (n,), m s-2, if any."""
     every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
     edge, stop, coarse = PASS * frequency, STOP * frequency, every * step
     # what folds onto the pass band where samples are left out must be gone

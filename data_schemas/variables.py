@@ -82,5 +82,4 @@ def dataset(
         name: value if isinstance(value, np.ndarray) else np.array(list(value), dtype=object)
         for name, value in coordinates.items()
     }
-    variables, indexed = ({name: entry(name, value) for name, value in each.items()} for each in (values, labels))
-    return xr.Dataset(variables, xr.Dataset(coords=indexed).coords)  # with indexes made already it takes half the time
+    return xr.Dataset(*({name: entry(name, value) for name, value in each.items()} for each in (values, labels)))

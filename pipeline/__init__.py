@@ -23,8 +23,8 @@ def __getattr__(name: str) -> Any:
     if name not in _WHERE:
         raise AttributeError(f"module 'pipeline' has no attribute '{name}'")
     found = getattr(importlib.import_module(_WHERE[name]), name)
-    if name in ("process", "summaries"):
-        importlib.import_module("pipeline.accessor")  # xarray is loaded by now
+    if name == "process":
+        importlib.import_module("pipeline.summary")  # for `result.isochrony`; xarray is loaded by now
     return found
 
 

@@ -20,14 +20,7 @@ ROCK, WATER = 2670.0, 1027.0  # kg m-3
 
 
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
-    """Normal gravity of GRS80, m s-2.
-
-    Parameters
-    ----------
-    latitude : float
-        Geodetic, degrees.
-    height : float
-        Above the ellipsoid, m, not negative.
+    """Normal gravity of GRS80, m s-2, at a geodetic latitude, degrees, and a height above the ellipsoid, m, >= 0.
 
     Examples
     --------
@@ -40,28 +33,15 @@ def normal_gravity(latitude: float, height: float = 0.0) -> float:
 
 
 def to_the_surface(gravity: Floats, latitude: float, depth: float) -> Floats:
-    """Gravity of a submerged instrument at the surface of the sea above it, m s-2.
-
-    Parameters
-    ----------
-    gravity : array
-        m s-2.
-    depth : float
-        m.
-    """
+    """Gravity, m s-2, of an instrument submerged to a depth, m, at the surface of the sea above it."""
     rise = normal_gravity(latitude) - normal_gravity(latitude, depth)
     return gravity - (rise - 4.0 * math.pi * GRAVITATION * WATER * depth)
 
 
 def anomalies(constants: Constants, gravity: Floats) -> dict[str, Any]:
-    """Variables of /gravity for a record that states its latitude; none for others.
+    """Variables of /gravity, from gravity (methods,), m s-2, for a record that states its latitude; none for others.
 
-    Parameters
-    ----------
-    constants : mapping
-        Of the record: latitude, height (0 where it states none), water_depth.
-    gravity : (methods,) array
-        m s-2.
+    Of the record's constants: latitude, height (0 where it states none), water_depth.
     """
     if "latitude" not in constants:
         return {}

@@ -27,8 +27,6 @@ Constants = Mapping[str, Any]
 
 TEMPERATURE = ("temperature", "temperature_reference", "temperature_coefficient")
 AIR = ("air_density", "air_density_reference", "density_coefficient")
-
-
 MOST_CHANGE = 0.02  # of a period, by temperature, air and drift together
 MOST_TURN = 0.1  # of the swing's frequency
 MOST_TILT = 0.1  # rad2: 18 degrees
@@ -37,17 +35,9 @@ BASE = ("base_time", "base_gravity", "base_period")
 
 
 def refuse_impossible(constants: Constants, period: Floats, longer: Floats) -> None:
-    """Refuse conditions that no pendulum at sea has: most likely a wrong unit.
+    """Refuse by `RecordError` conditions that no pendulum at sea has: most likely a wrong unit.
 
-    Parameters
-    ----------
-    period, longer : (2,) arrays
-        Stated periods, and what the conditions add to them, s.
-
-    Raises
-    ------
-    RecordError
-        With the variable and the remedy.
+    `period` (2,) are the stated ones, `longer` (2,) what the conditions add to them, s.
     """
     change = float(np.abs(longer / period).max())
     if change > MOST_CHANGE:
@@ -129,38 +119,30 @@ def tie(constants: Constants, middle: float, reference_gravity: float) -> Tie | 
     """Tie a record whose middle is `middle` seconds after its epoch; None where no base is stated."""
     if any(name not in constants for name in BASE):
         return None
-    time, gravity = np.asarray(constants["base_time"]), np.asarray(constants["base_gravity"])
-    own = np.asarray(constants["base_period"])  # (base, 2)
+    time, gravity, own = (np.asarray(constants[name]) for name in BASE)  # periods are (base, 2)
     period = own * np.sqrt(gravity / reference_gravity)[:, None]
     stated = "base_period_uncertainty" in constants
     spread = np.asarray(constants["base_period_uncertainty"]) / own if stated else np.zeros_like(own)
-    heavy = np.asarray(constants["base_gravity_uncertainty"]) if "base_gravity_uncertainty" in constants else None
     order = np.argsort(time, kind="stable")
     earlier, later = order[time[order] <= middle], order[time[order] > middle]
-    if earlier.size and later.size:
-        ends, fraction = (int(earlier[-1]), int(later[0])), 0.0
+    two_sided, fraction = bool(earlier.size and later.size), 0.0
+    ends = [int((earlier if earlier.size else later[::-1])[-1]), int((later if later.size else earlier[::-1])[0])]
+    if two_sided:
         fraction = float((middle - time[ends[0]]) / (time[ends[1]] - time[ends[0]]))
-    else:
-        nearest = int(earlier[-1] if earlier.size else later[0])
-        ends, fraction = (nearest, nearest), 0.0
     weights = np.array([1.0 - fraction, fraction])
-    at, uncertain = period[list(ends)], spread[list(ends)]
+    at, uncertain = period[ends], spread[ends]
     drift = np.abs(at[1] - at[0]) / at[0] * np.sqrt(fraction * (1.0 - fraction))
-    two_sided = ends[0] != ends[1]
-    scale = 2.0 * reference_gravity / MGAL
-    heavy_part = None if heavy is None else _of_gravity(heavy, gravity, ends, weights)
+    scale, heavy = 2.0 * reference_gravity / MGAL, None
+    if "base_gravity_uncertainty" in constants:
+        one, two = np.asarray(constants["base_gravity_uncertainty"])[ends] * weights
+        # equal gravity means one station, whose error both occupations share
+        heavy = float(one + two if gravity[ends[0]] == gravity[ends[1]] else np.hypot(one, two))
     return Tie(
         period=weights @ at,
         relative_uncertainty=np.hypot(np.sqrt((weights**2) @ uncertain**2), drift),
-        gravity_uncertainty=heavy_part,
+        gravity_uncertainty=heavy,
         misclosure=scale * float((at[1, 1] - at[0, 1]) / at[0, 1]) if two_sided else float("nan"),
         misclosure_uncertainty=scale * float(np.hypot(*uncertain[:, 1])) if two_sided else float("nan"),
         fraction=fraction,
         stated=stated or two_sided,
     )
-
-
-def _of_gravity(heavy: Floats, gravity: Floats, ends: tuple[int, int], weights: Floats) -> float:
-    """Equal gravity means one station, whose error both occupations share."""
-    one, two = heavy[ends[0]] * weights[0], heavy[ends[1]] * weights[1]
-    return float(one + two if gravity[ends[0]] == gravity[ends[1]] else np.hypot(one, two))

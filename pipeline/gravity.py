@@ -39,10 +39,7 @@ class Gravity:
 
     @cached_property
     def ledger(self) -> dict[str, Entry]:
-        """Name to `Entry`; the values add up to gravity less the uncorrected gravity.
-
-        The parts of the method's own correction are told here, when somebody wants them: gravity does not need them.
-        """
+        """Name to `Entry`; the values add up to gravity less the uncorrected gravity."""
         return book.own_entries(self._case) | self.given
 
     @cached_property
@@ -86,10 +83,7 @@ class Gravity:
 def gravity(estimate: Estimate, prepared: Prepared, gain_uncertainty: float = 0.0) -> Gravity:
     """`g = g_ref (n/n_ref)^2` of the second pendulum after every correction, with all that is known of its error.
 
-    Parameters
-    ----------
-    gain_uncertainty : float
-        Relative 1-sigma uncertainty of the first pendulum's scale against the difference's.
+    `gain_uncertainty` is the relative 1 sigma of the first pendulum's scale against the difference's.
     """
     seen = prepared.observation
     plain = seen.reference_gravity * (estimate.frequency / prepared.nominal) ** 2

@@ -17,27 +17,13 @@ UNCERTAIN = "_uncertainty"
 
 
 def join_records(records: Sequence[DataTree], names: Sequence[str]) -> DataTree:
-    """Join records of the same pendulums and instrument.
+    """Join valid records of the same pendulums and instrument, in any order; faults call them by `names`.
 
-    Parameters
-    ----------
-    records : sequence of DataTree
-        Valid records, in any order; they are not modified.
-    names : sequence of str
-        What faults call them.
+    The result is a record in the time of the earliest. Of constants' uncertainties the largest counts; a variable over
+    time that a part lacks is missing there; flags of all films are flags of it.
 
-    Returns
-    -------
-    DataTree
-        A record in the time of the earliest. Of constants' uncertainties the largest counts; a variable over time that
-        a part lacks is missing there; flags of all films are flags of it.
-
-    Raises
-    ------
-    UsageError
-        Fewer than two records.
-    RecordError
-        They overlap in time, or differ in traces, pendulums or a constant.
+    `UsageError`: fewer than two records; `RecordError`: they overlap in time, or differ in traces, pendulums or a
+    constant.
     """
     import xarray as xr
 

@@ -23,69 +23,30 @@ MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is
 
 @dataclass(frozen=True)
 class Observation:
-    """One difference pendulum of one record, in SI units and radians.
+    """One difference pendulum of one record, in SI units and radians."""
 
-    Attributes
-    ----------
-    first, second : str
-        Labels of the pendulums; the difference is `first - second`.
-    start : float
-        Time of the first sample that is used, in the record's own time, s.
-    time : (n,) array
-        Seconds from that sample.
-    step : float
-        Sampling step, s; missing samples are NaN.
-    theta : (n,) array
-        Elongation of the first pendulum, rad, NaN = missing.
-    difference : (n,) array
-        Elongation of the difference pendulum, rad, NaN = missing.
-    sigma_theta, sigma_difference : float or None
-        Stated 1-sigma reading noise, rad.
-    frequency_reference : (2,) array
-        Circular frequencies of the two pendulums at `reference_gravity`, infinitesimal arc, rad s-1.
-    damping_rate : (2,) array or None
-        Stated damping rates, s-1.
-    reference_gravity : float
-        m s-2.
-    period_relative_uncertainty : (2,) array
-        Stated relative 1-sigma uncertainty of the two periods (0 where nothing is stated).
-    chronometer_rate : float
-        Seconds a day that the chronometer loses.
-    restoring : str or None
-        "sine", "linear", or None where the record does not say.
-    vertical : (n,) array or None
-        Recorded vertical acceleration of the support, m s-2, up positive, NaN = missing.
-    constants : mapping
-        What else /instrument states, by name; of pendulums those of the pair. What changes within the record,
-        as `temperature` may, is its mean here, and `temperature_course`.
-    course_time : (m,) array or None
-        Times of a course within the record, by its own clock, s.
-    tie : Tie or None
-        Periods from base stations.
-    period_change : (2,) array or None
-        Relative change of the two periods from the stated ones under the record's conditions.
-    """
-
-    first: str
+    first: str  # labels of the pendulums; the difference is `first - second`
     second: str
-    start: float
-    time: Floats
-    step: float
-    theta: Floats
-    difference: Floats
-    sigma_theta: float | None
+    start: float  # time of the first sample that is used, in the record's own time, s
+    time: Floats  # (n,) seconds from that sample
+    step: float  # s; missing samples are NaN
+    theta: Floats  # (n,) elongation of the first pendulum, rad
+    difference: Floats  # (n,) of the difference pendulum, rad
+    sigma_theta: float | None  # stated 1-sigma reading noise, rad
     sigma_difference: float | None
-    frequency_reference: Floats
-    damping_rate: Floats | None
-    reference_gravity: float
-    period_relative_uncertainty: Floats
-    chronometer_rate: float
-    restoring: str | None
-    vertical: Floats | None = None
+    frequency_reference: Floats  # (2,) circular, at `reference_gravity`, infinitesimal arc, rad s-1
+    damping_rate: Floats | None  # (2,) stated, s-1
+    reference_gravity: float  # m s-2
+    period_relative_uncertainty: Floats  # (2,) stated, 1 sigma (0 where nothing is stated)
+    chronometer_rate: float  # seconds a day that the chronometer loses
+    restoring: str | None  # "sine", "linear", or None where the record does not say
+    vertical: Floats | None = None  # (n,) recorded vertical acceleration of the support, m s-2, up positive
     constants: Constants = field(default_factory=dict)
-    course_time: Floats | None = None
-    tie: Tie | None = None
-    period_change: Floats | None = None
+    """What else /instrument states, by name; of pendulums those of the pair. What changes within the record, as
+    `temperature` may, is its mean here, and `temperature_course`."""
+    course_time: Floats | None = None  # (m,) times of a course within the record, by its own clock, s
+    tie: Tie | None = None  # periods from base stations
+    period_change: Floats | None = None  # (2,) relative, from the stated periods, under the record's conditions
 
     @property
     def whole(self) -> bool:
@@ -137,13 +98,13 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     RefusedError
         The samples lie at uneven times.
     """
-    traces = record["record"].dataset
+    traces, recorded = record["record"].dataset.variables, record.dataset.variables["time"].values
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)
     first, second = choose_pair(labels, combination, pair)
     one, two = (np.eye(len(labels))[labels.index(label)] for label in (first, second))
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
-    time = evened(np.asarray(record.dataset["time"].values, dtype=np.float64))
+    time = evened(np.asarray(recorded, dtype=np.float64))
     of_theta = weights_of(combination, one, first)
     of_difference = weights_of(combination, one - two, f"{first}-{second}")
     rows = [combine(of_theta, elongation), combine(of_difference, elongation)]
@@ -184,11 +145,11 @@ def span(series: Floats) -> slice:
 
 def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
     """The instrument constants of the named pendulums, as the fields of `Observation`."""
-    if "instrument" not in record.children or "period" not in record["instrument"].dataset:
+    stored = record["instrument"].dataset if "instrument" in record.children else None
+    if stored is None or "period" not in stored:
         raise RecordError(
             "instrument/period: missing; gravity needs the period of each pendulum at instrument/reference_gravity"
         )
-    stored = record["instrument"].dataset
     if "reference_gravity" not in stored:
         raise RecordError("instrument/reference_gravity: missing; give the gravity at which the periods hold, m s-2")
     known = [str(label) for label in stored["pendulum"].values]
@@ -197,14 +158,13 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
     constants |= epoch_of(record) | clock_of(record)
-    period = np.asarray(constants["period"])
-    gravity = float(constants["reference_gravity"])
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    period, gravity = np.asarray(constants["period"]), float(constants["reference_gravity"])
+    time = np.asarray(record.dataset.variables["time"].values, dtype=np.float64)
     tied = tie(constants, 0.5 * float(time[0] + time[-1]), gravity)
     uncertainty = constants["period_uncertainty"] / period if "period_uncertainty" in constants else 0.0 * period
     longer = by_temperature(constants) + by_air(constants) + (0.0 if tied is None else tied.period - period)
     refuse_impossible(constants, period, longer)
-    restoring = record["instrument"].attrs.get("restoring")
+    restoring = stored.attrs.get("restoring")
     return {
         "frequency_reference": 2.0 * np.pi / period,
         "damping_rate": constants.get("damping_rate"),
@@ -223,7 +183,7 @@ def epoch_of(record: DataTree) -> dict[str, float]:
     """Unix time of the record's time 0, s, where its units name a date."""
     from datetime import UTC, datetime
 
-    _, found, date = str(record.dataset["time"].attrs.get("units", "")).partition("since ")
+    _, found, date = str(record.dataset.variables["time"].attrs.get("units", "")).partition("since ")
     try:
         epoch = datetime.fromisoformat(date.strip()) if found else None
     except ValueError:
@@ -233,18 +193,19 @@ def epoch_of(record: DataTree) -> dict[str, float]:
 
 def clock_of(record: DataTree) -> dict[str, float]:
     """Uncertainty of the clock's rate by that of the times, relative, 1 sigma, where the record states it."""
-    traces = record["record"].dataset
+    traces = record["record"].dataset.variables
     if "time_uncertainty" not in traces:
         return {}
-    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    return {"time_uncertainty": rate_uncertainty(time, np.asarray(traces["time_uncertainty"].values, dtype=np.float64))}
+    time, sigma = record.dataset.variables["time"].values, traces["time_uncertainty"].values
+    return {"time_uncertainty": rate_uncertainty(time.astype(np.float64), sigma.astype(np.float64))}
 
 
 def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
     """Numbers of /instrument by name, of the pendulums those of the given rows; courses in time as mean and course."""
     constants: dict[str, Any] = {}
-    for name, variable in stored.data_vars.items():
-        if variable.dtype.kind not in "fiu":
+    coordinates = set(stored.coords)
+    for name, variable in stored.variables.items():
+        if name in coordinates or variable.dtype.kind not in "fiu":
             continue
         values = np.asarray(variable.values, dtype=np.float64)
         if "time" in variable.dims:
@@ -258,7 +219,7 @@ def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
 
 
 def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float, Sequence[Floats]]:
-    """Lay samples on a uniform grid where their times allow it; absent samples become NaN.
+    """Lay samples on a uniform grid where their times allow it; absent samples become NaN. Returns time, step, series.
 
     Parameters
     ----------
@@ -266,30 +227,25 @@ def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float,
         Strictly increasing, seconds, starting at 0.
     series : sequence of (n,) arrays
 
-    Returns
-    -------
-    time, step, series
-
     Raises
     ------
     RefusedError
         The times lie on no grid.
     """
-    uneven = RefusedError("time: the samples lie at uneven times; use --method joint")
-    step = float(np.diff(time).min()) if time.size > 1 else 0.0
-    if not step > 0.0 or time[-1] / step > MOST_GRID_ROWS * time.size:
-        raise uneven
-    # the first spacing fixes the row numbers, the whole length the step
-    last = int(np.rint(time[-1] / step))
-    step = float(time[-1] / last)
-    rows = np.rint(time / step).astype(np.int64)
-    if np.abs(time - rows * step).max() > GRID_TOLERANCE:
-        raise uneven
-    if last + 1 == time.size:
-        return time, step, series
-    laid = np.full((len(series), last + 1), np.nan)
-    laid[:, rows] = series
-    return np.arange(last + 1) * step, step, list(laid)
+    count, length = time.size, float(time[-1])
+    if count > 1 and np.abs(time - np.linspace(0.0, length, count)).max() <= GRID_TOLERANCE:
+        return time, length / (count - 1), series
+    step = float(np.diff(time).min()) if count > 1 else 0.0
+    if step > 0.0 and length / step <= MOST_GRID_ROWS * count:
+        # the first spacing fixes the row numbers, the whole length the step
+        last = int(np.rint(length / step))
+        step = length / last
+        rows = np.rint(time / step).astype(np.int64)
+        if np.abs(time - rows * step).max() <= GRID_TOLERANCE:
+            laid = np.full((len(series), last + 1), np.nan)
+            laid[:, rows] = series
+            return np.arange(last + 1) * step, step, list(laid)
+    raise RefusedError("time: the samples lie at uneven times; use --method joint")
 
 
 def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tuple[str, str]:
@@ -312,10 +268,7 @@ def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tup
 def weights_of(combination: Floats, wanted: Floats, name: str) -> Floats:
     """Of each trace in the wanted combination of pendulums; from one trace where that is it already.
 
-    Raises
-    ------
-    RecordError
-        The traces cannot give it.
+    `RecordError`: the traces cannot give it.
     """
     recorded = np.flatnonzero((combination == wanted).all(axis=1))
     if recorded.size:

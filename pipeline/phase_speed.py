@@ -1,7 +1,8 @@
 """The formulas of Panteleev (1958) for the phase speed of difference pendulums, each as a function.
 
 Numbers follow the paper; where the printed formula is wrong the corrected one stands here, and the errata page
-links the proof. All angles rad, all speeds rad s-1; every argument may be an array.
+links the proof. All angles rad, all speeds rad s-1; every argument may be an array. n1, n2 are `frequency_1` and
+`frequency_2`; a1 (or Theta1) and a `amplitude_1` and `amplitude`; phi1 - phi (or Phi1 - phi) the `lead`.
 """
 
 from __future__ import annotations
@@ -24,18 +25,7 @@ def phase_speed(
 
     `phi' = n2 + (n1-n2) (a1/a) cos(phi1-phi) - (gamma1-gamma2) (a1/a) sin(phi1-phi)`, the damping added. With a1, phi1
     of the raw `theta1 - i theta1'/n1` this is (9), and the slow motion leaks in as (14) shows; with the separated
-    harmonic Theta1, Phi1 it is (27).
-
-    Parameters
-    ----------
-    frequency_1, frequency_2 : float
-        n1, n2.
-    amplitude_1, amplitude : array_like
-        a1 (or Theta1) and a.
-    lead : array_like
-        phi1 - phi (or Phi1 - phi).
-    damping_difference : float
-        gamma1 - gamma2, s-1.
+    harmonic Theta1, Phi1 it is (27). `damping_difference` is gamma1 - gamma2, s-1.
     """
     turn = (frequency_1 - frequency_2) * np.cos(lead) - damping_difference * np.sin(lead)
     return np.asarray(frequency_2 + turn * np.asarray(amplitude_1) / np.asarray(amplitude))
@@ -64,14 +54,8 @@ def leaking(
 def near_resonant_amplitude(frequency: float, half_detuning: float, acceleration_ratio: float) -> float:
     """beta of (30)-(31): `-n1^2/(n1+m) alpha/nu`, m = n1 - 2 nu; the paper prints it without the minus.
 
-    Parameters
-    ----------
-    frequency : float
-        n1.
-    half_detuning : float
-        nu; not zero (the limit is a linear growth, see (30)).
-    acceleration_ratio : float
-        alpha, amplitude of x''/g.
+    n1 is `frequency`, nu `half_detuning`, not zero (the limit is a linear growth, see (30)), and alpha, amplitude of
+    x''/g, `acceleration_ratio`.
     """
     drive = frequency - 2.0 * half_detuning
     return -(frequency**2) / (frequency + drive) * acceleration_ratio / half_detuning
@@ -86,16 +70,11 @@ def disturbed_speed(
     free_amplitude: float,
     free_phase: float,
 ) -> Floats:
-    """Phase speed of a single pendulum under near-resonant forcing, (39) corrected.
+    """Phase speed of a single pendulum under near-resonant forcing, (39) corrected; `forced_amplitude` is beta of (31).
 
     `phi' = n1 + nu {[theta01^2 - theta01 beta cos(phi01-delta)]/a^2 - 1}` with
     `a^2 = theta01^2 + beta^2 sin^2(nu t) - 2 theta01 beta sin(nu t) sin(nu t + phi01 - delta)`;
     print has sin(phi01-delta), a_2, alpha and cos(nu t - phi0 + delta).
-
-    Parameters
-    ----------
-    forced_amplitude : float
-        beta of (31).
     """
     theta, beta, nu = free_amplitude, forced_amplitude, half_detuning
     wave = np.sin(nu * np.asarray(time))
@@ -107,12 +86,7 @@ def disturbed_speed(
 def speed_of_difference(amplitude: Floats, lead: ArrayLike, speed: Floats, growth: Floats) -> Floats:
     """Phase speed of the difference of any two harmonics, (36) with a^2 of (37).
 
-    Parameters
-    ----------
-    amplitude, speed, growth : (2, ...) arrays
-        a_i, phi_i' and a_i' of the two.
-    lead : array_like
-        phi1 - phi2.
+    `amplitude`, `speed` and `growth` (2, ...) are a_i, phi_i' and a_i' of the two, `lead` is phi1 - phi2.
     """
     one, two = amplitude
     cos, sin = np.cos(lead), np.sin(lead)
@@ -124,13 +98,7 @@ def speed_of_difference(amplitude: Floats, lead: ArrayLike, speed: Floats, growt
 def speed_of_difference_from_second(amplitude: Floats, lead: ArrayLike, speed: Floats, growth: Floats) -> Floats:
     """The same by (38), which begins with the second harmonic.
 
-    Parameters
-    ----------
-    amplitude : (3, ...) array
-        Of the two and of their difference.
-    speed, growth : (2, ...) arrays
-    lead : array_like
-        phi1 - phi.
+    `amplitude` (3, ...) are those of the two and of their difference, `lead` is phi1 - phi.
     """
     apart = growth[0] / amplitude[0] - growth[1] / amplitude[1]
     turn = (speed[0] - speed[1]) * np.cos(lead) + apart * np.sin(lead)

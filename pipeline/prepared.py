@@ -7,20 +7,15 @@ itself left out: what neighbours do not predict is an outlier, or white noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats, median_present
-from pipeline.estimate import Budget, budget
-from pipeline.harmonics.envelope import Envelope, sliding_envelope
-from pipeline.harmonics.narrowband import NarrowbandFit, complex_form, fit_narrowband
+from pipeline.arrays import Floats, largest_present, median_present
+from pipeline.harmonics.envelope import Envelope, SlowMotion, sliding_envelope, slow_motion
+from pipeline.harmonics.narrowband import Budget, NarrowbandFit, budget, fit_narrowband
 from pipeline.observation import Observation
-
-if TYPE_CHECKING:
-    from pipeline.harmonics.envelope import SlowMotion
 
 PLACES = 2000  # from which the scale is taken, at least
 REACH_SECONDS = 0.5
@@ -68,8 +63,6 @@ class Prepared:
     @cached_property
     def slow_motion(self) -> SlowMotion:
         """Slow part of the first pendulum and recorded heave."""
-        from pipeline.harmonics.envelope import slow_motion
-
         seen = self.observation
         self.require_whole("theta", "vertical")
         return slow_motion(seen.theta, seen.vertical, seen.step, self.nominal, seen.reference_gravity)
@@ -86,8 +79,7 @@ class Prepared:
         """Complex form of (27) on the separated harmonics, from which the exact fits start."""
         require_swing(self.sliding)
         seen = self.observation
-        form = complex_form(self.sliding, seen.frequency_ratio, seen.damping_difference)
-        return fit_narrowband(form, self.known_damping)
+        return fit_narrowband(self.sliding, seen.frequency_ratio, seen.damping_difference, self.known_damping)
 
     @property
     def fine_explained(self) -> float:
@@ -111,10 +103,9 @@ class Prepared:
         return max(float(np.nanvar(rest)) - self.theta_error(1.0, 0.0) ** 2, 0.0)
 
     def theta_error(self, sensitivity: float, fallback: float) -> float:
-        """1-sigma of n2 from reading noise of the first pendulum, rad s-1.
+        """1-sigma of n2 from the first pendulum's reading noise, rad s-1, by its sensitivity to white noise, s-1.
 
-        `sensitivity` is that to its white noise, s-1; `fallback` the noise taken where neither neighbours nor the
-        record tell, rad.
+        `fallback` is the noise taken where neither neighbours nor the record tell, rad.
         """
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
@@ -124,10 +115,7 @@ class Prepared:
 def prepare(observation: Observation) -> Prepared:
     """Look at both series once.
 
-    Raises
-    ------
-    RefusedError
-        A series has too few samples or outliers, or the record is too short for any method.
+    `RefusedError`: a series has too few samples or outliers, or the record is too short for any method.
     """
     nominal = float(observation.frequency_reference[1])
     swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
@@ -162,19 +150,10 @@ def require_swing(envelope: Envelope) -> None:
 
 
 def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[bool, float]:
-    """Whether a series has outliers, and its white noise.
+    """Whether a series (n,), rad, NaN = missing, `step` s apart, has outliers, and its white noise.
 
-    Parameters
-    ----------
-    series : (n,) array
-        Uniform samples, rad, NaN = missing; what lies beside a missing one is not judged.
-    step, frequency : float
-        s, rad s-1.
-
-    Returns
-    -------
-    bool, float
-        The noise is what the neighbours leave unexplained (1 sigma, rad; NaN where they predict nothing).
+    What lies beside a missing sample is not judged; the noise is what the neighbours leave unexplained (1 sigma, rad;
+    NaN where they predict nothing).
     """
     reach = max(LEAST_REACH, round(REACH_SECONDS / step))
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
@@ -185,10 +164,11 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     count = series.size - taps.size
     error = np.abs(sum(np.correlate(series[k[0] : k[-1] + 1 + count], taps[k], "valid") for k in pieces))
     scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
-    outliers = np.fmax.reduce(error) > max(THRESHOLD * scale, FLOOR * np.fmax.reduce(np.abs(series)))
+    outliers = largest_present(error) > max(THRESHOLD * scale, FLOOR * largest_present(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))
 
 
+@lru_cache(maxsize=4)  # records of one instrument have one
 def leave_one_out(reach: int, step: float, frequency: float) -> Floats:
     """Taps that give sample minus the fit through its neighbours (symmetric, the middle tap is 1)."""
     x = np.linspace(-1.0, 1.0, 2 * reach + 1)

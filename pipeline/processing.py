@@ -13,15 +13,12 @@ from data_schemas.layouts import REWRITTEN
 from pipeline import methods
 from pipeline.flags import of_film
 from pipeline.observation import observe
-from pipeline.reduction import Reduction, reduce_by
+from pipeline.reduction import Reduction, reduce_by, refused
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
-    from pipeline.joint.reduction import Joint
     from pipeline.methods import Function
-    from pipeline.prepared import Prepared
-
 
 _JOINTLY = ("auto", "joint")
 
@@ -71,6 +68,8 @@ def process(
         A name that is not a method, pair or choice of quantities, or a negative uncertainty.
     """
     from data_schemas import adopted, check
+    from pipeline.prepared import prepare
+    from pipeline.result import build_result
 
     started = time.perf_counter()
     requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
@@ -89,21 +88,37 @@ def process(
         from pipeline.period.result import period_result
 
         return period_result(record, requested, started, raised)
-    from pipeline.result import Parts, build_result
-
     others = [name for name in requested if name not in _JOINTLY]
     joint, found = None, dict[str, Reduction]()
     if len(others) < len(requested):
-        joint, own = _joint(record, pair, gain_uncertainty, alone=not others)
+        from pipeline.joint.reduction import reduce_jointly
+
+        begun = time.perf_counter()
+        try:
+            joint = reduce_jointly(record, pair, gain_uncertainty)
+            own = joint.reduction
+        except RefusedError as refusal:
+            if not others:
+                raise
+            own = refused("joint", refusal, begun)  # beside other methods a refusal is a row
         found |= {name: replace(own, requested=name) for name in _JOINTLY}
-    prepared, others_found = _by_pair(record, others, pair, gain_uncertainty, spare=joint)
-    found |= others_found
-    source = prepared if joint is None or (others and prepared.observation.whole) else joint.prepared
-    own_of_pair = None if prepared is source else prepared
-    reductions = [found[name] for name in requested]
-    if raised:
-        reductions = [replace(each, flags=(*each.flags, *raised)) for each in reductions]
-    return build_result(Parts(record, source, own_of_pair, reductions, joint, full, quantities == "gravity"), started)
+    prepared, begun = None, time.perf_counter()
+    if others or joint is None:
+        try:
+            prepared = prepare(observe(record, pair))
+            found |= {name: reduce_by(name, prepared, gain_uncertainty) for name in others}
+        except RefusedError as refusal:
+            if joint is None:
+                raise
+            found |= {name: refused(name, refusal, begun) for name in others}
+    source = prepared
+    if joint is not None and (prepared is None or not prepared.observation.whole):
+        source = joint.prepared  # a record that cannot be prepared for others lends the joint fit's path
+    assert source is not None  # without the joint fit nothing else is prepared
+    reductions = [replace(found[name], flags=(*found[name].flags, *raised)) for name in requested]
+    own_source = None if prepared is source else prepared
+    bare = quantities == "gravity"
+    return build_result(record, source, own_source, reductions, joint, full=full, bare=bare, started=started)
 
 
 def _named(method: str | Function) -> str:
@@ -115,41 +130,3 @@ def _named(method: str | Function) -> str:
     if method not in _JOINTLY:
         methods.method(method)
     return method
-
-
-def _joint(
-    record: DataTree, pair: str | None, gain_uncertainty: float, *, alone: bool
-) -> tuple[Joint | None, Reduction]:
-    """All pendulums in one fit; beside other methods a refusal is a row."""
-    from pipeline.joint.reduction import reduce_jointly
-
-    started = time.perf_counter()
-    try:
-        joint = reduce_jointly(record, pair, gain_uncertainty)
-    except RefusedError as refusal:
-        if alone:
-            raise
-        return None, _refused("joint", refusal, started)
-    return joint, joint.reduction
-
-
-def _refused(name: str, refusal: RefusedError, started: float) -> Reduction:
-    return Reduction(name, name, "", None, None, (), str(refusal), time.perf_counter() - started)
-
-
-def _by_pair(
-    record: DataTree, names: Sequence[str], pair: str | None, gain_uncertainty: float, spare: Joint | None
-) -> tuple[Prepared, dict[str, Reduction]]:
-    """The methods that look at one difference; a record that cannot be prepared for them lends the joint fit's path."""
-    from pipeline.prepared import prepare
-
-    if not names and spare is not None:
-        return spare.prepared, {}
-    started = time.perf_counter()
-    try:
-        prepared = prepare(observe(record, pair))
-    except RefusedError as refusal:
-        if spare is None:
-            raise
-        return spare.prepared, {name: _refused(name, refusal, started) for name in names}
-    return prepared, {name: reduce_by(name, prepared, gain_uncertainty) for name in names}

@@ -40,10 +40,7 @@ def best_of(reductions: Sequence[Reduction]) -> Reduction | None:
 def phases(prepared: Prepared, reductions: Sequence[Reduction], known: Floats) -> dict[str, Any]:
     """Group `phases`: amplitudes and phases of both pendulums and their difference, and the formulas' phase speeds.
 
-    Parameters
-    ----------
-    known : (n,) array
-        Times of the difference's readings, s from the first sample that is used.
+    `known` (n,) are times of the difference's samples, s from the first that is used.
     """
     envelope, seen, best = prepared.sliding, prepared.observation, best_of(reductions)
     time, difference = envelope.time, envelope.difference
@@ -127,10 +124,7 @@ def _quality(amplitude: Floats, time: Floats, known: Floats) -> np.ndarray:
 def correction(prepared: Prepared, reductions: Sequence[Reduction], own: Prepared | None = None) -> dict[str, Any]:
     """Group `correction`: what each method adds to phase and phase speed of the difference, part by part.
 
-    Parameters
-    ----------
-    own : Prepared, optional
-        That which methods other than `joint` looked at, where it is another one.
+    `own` is that which methods other than `joint` looked at, where it is another one.
     """
     envelope = prepared.sliding
     time = envelope.time
@@ -161,9 +155,9 @@ def _shifts(prepared: Prepared, reduction: Reduction, own: Prepared | None) -> M
     """Phases that a method takes off; of one that finds the frequency otherwise, what its frequency makes of them."""
     estimate = reduction.estimate
     assert estimate is not None
+    if estimate.shifts is None and estimate.acceleration_reduced:
+        return of_real_pendulums(prepared, estimate.frequency)
     if estimate.shifts is None:
-        if estimate.acceleration_reduced:
-            return of_real_pendulums(prepared, estimate.frequency)
         return {NON_ISOCHRONISM: by_periods(prepared, estimate.frequency)}
     if own is None:
         return estimate.shifts
@@ -178,9 +172,8 @@ def model_of_harmonics(prepared: Prepared, time: Floats) -> Floats:
     """Difference as its harmonic and slow part have it at times from the first sample that is used, s; else NaN."""
     envelope = prepared.sliding
     swing = np.interp(time, envelope.time, envelope.difference) * np.exp(1j * envelope.carrier * time)
-    model: Floats = swing.real + np.interp(time, envelope.time, envelope.slow[1])
-    model[(time < envelope.time[0]) | (time > envelope.time[-1])] = np.nan
-    return model
+    slow = np.interp(time, envelope.time, envelope.slow[1], left=np.nan, right=np.nan)
+    return np.asarray(swing.real + slow)
 
 
 def spectrum(time: Floats, residual: Floats) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -194,6 +187,6 @@ def spectrum(time: Floats, residual: Floats) -> tuple[dict[str, Any], dict[str, 
     taper = np.hanning(size + 1)[:size]
     segments, present = (sliding_window_view(each, size)[:: max(1, size // 2)] for each in (laid, there))
     power = np.sum(np.abs(np.fft.rfft(taper * segments)) ** 2, axis=0)
-    weight = float(np.sum(present @ taper**2))
+    weight = float(present.sum(axis=0) @ taper**2)
     density = 2.0 * step * power / max(weight, 1e-300)
     return {"residual_spectrum": density}, {"frequency": np.fft.rfftfreq(size, step)}

@@ -23,12 +23,17 @@ class Reduction:
 
     requested: str
     method: str
-    reason: str
-    estimate: Estimate | None
-    gravity: Gravity | None
-    flags: tuple[str, ...]
-    error: str
-    elapsed: float
+    reason: str = ""
+    estimate: Estimate | None = None
+    gravity: Gravity | None = None
+    flags: tuple[str, ...] = ()
+    error: str = ""
+    elapsed: float = 0.0
+
+
+def refused(name: str, refusal: RefusedError, started: float) -> Reduction:
+    """Outcome of a method that refused, begun at a time of `perf_counter`."""
+    return Reduction(name, name, error=str(refusal), elapsed=time.perf_counter() - started)
 
 
 def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reduction:
@@ -46,7 +51,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
                 "check the period and the time axis"
             )
     except RefusedError as refusal:
-        return Reduction(name, name, "", None, None, (), str(refusal), time.perf_counter() - started)
+        return refused(name, refusal, started)
     value = gravity(estimate, prepared, gain_uncertainty)
     raised = tuple(flags(prepared, estimate, value))
-    return Reduction(name, name, "", estimate, value, raised, "", time.perf_counter() - started)
+    return Reduction(name, name, "", estimate, value, raised, elapsed=time.perf_counter() - started)

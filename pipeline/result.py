@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,88 +46,82 @@ _EXTRA = {
 }
 
 
-@dataclass(frozen=True)
-class Parts:
-    """What a result is made from."""
+def build_result(
+    record: DataTree,
+    prepared: Prepared,
+    own: Prepared | None,
+    reductions: Sequence[Reduction],
+    joint: Joint | None,
+    *,
+    full: bool,
+    bare: bool,
+    started: float,
+) -> DataTree:
+    """Lay out gravity, phases, corrections, course, residual and provenance.
 
-    record: DataTree
-    prepared: Prepared  # that phases and corrections are drawn from
-    own: Prepared | None  # that which methods of one difference looked at, where it is another one
-    reductions: Sequence[Reduction]  # in the order they were asked for
-    joint: Joint | None
-    full: bool  # whether the pendulums' angles at the record's own times are laid out too
-    bare: bool = False  # whether gravity alone is laid out
-
-
-def build_result(parts: Parts, started: float) -> DataTree:
-    """Lay out gravity, phases, corrections, course, residual and provenance."""
+    Parameters
+    ----------
+    prepared, own : Prepared
+        What phases and corrections are drawn from; what methods of one difference looked at, where it is another one.
+    reductions : sequence of Reduction
+        In the order they were asked for.
+    full, bare : bool
+        Whether the pendulums' angles at the record's own times are laid out too; whether gravity alone is.
+    started : float
+        By `time.perf_counter`.
+    """
     from xarray import Dataset, DataTree
 
-    record, reductions, seen = parts.record, parts.reductions, parts.prepared.observation
-    components, names = [seen.first, seen.second, f"{seen.first}-{seen.second}"], _labels(reductions)
-    gravity = _gravity(reductions, components, names, seen.constants, record)
-    of_time = dict(record.dataset["time"].attrs)
-    gravity["epoch"].attrs["units"] = of_time["units"]
-    if parts.bare:
-        groups = {"/": Dataset(coords={"time": ("time", gravity["epoch"].values[:1], of_time)}), "/gravity": gravity}
-    else:
-        groups = _of_time(parts, components, names, gravity)
-    tree = DataTree(groups.pop("/"))
-    tree.children = {path.strip("/"): DataTree(group) for path, group in groups.items()}  # `from_dict` copies twice
-    tree.attrs.update(result_attributes(record, {"pair": components[2], "methods": names}, started))
+    seen, of_time = prepared.observation, dict(record.dataset.variables["time"].attrs)
+    pendulums, names = [seen.first, seen.second], _labels(reductions)
+    recorded = np.asarray(record.dataset.variables["time"].values, dtype=np.float64)
+    gravity = _gravity(reductions, pendulums, names, seen.constants, float(recorded[[0, -1]].mean()))
+    gravity.variables["epoch"].attrs["units"] = of_time["units"]
+    groups: dict[str, Dataset] = {"gravity": gravity}
+    time = gravity.variables["epoch"].values[:1]
+    if not bare:
+        time = prepared.sliding.time + seen.start
+        read, model, residual = _difference(record, prepared, joint, recorded)
+        known = recorded[np.isfinite(read)] - seen.start
+        phases, components = quantities.phases(prepared, reductions, known), [*pendulums, "-".join(pendulums)]
+        groups["phases"] = dataset("phases", phases, {"component": components, "formula": quantities.FORMULAS})
+        groups["correction"] = dataset(
+            "correction", quantities.correction(prepared, reductions, own), {"estimator": names}
+        )
+        if joint is not None:
+            course, told = joint.course(time)
+            groups["course"] = dataset("course", course).assign_attrs(told)
+            groups["ship"] = dataset("ship", joint.ship(time))
+        difference = {"elongation": read, "model": model, "residual": residual}
+        groups["difference"] = dataset("difference", difference, {"record_time": recorded})
+        groups["spectrum"] = dataset("spectrum", *quantities.spectrum(recorded, residual))
+        if full and joint is not None:
+            angles = {"theta": joint.pendulums(recorded)}
+            groups["pendulums"] = dataset("pendulums", angles, {"pendulum": pendulums, "record_time": recorded})
+        for name in groups.keys() & {"difference", "pendulums"}:
+            groups[name].variables["record_time"].attrs["units"] = of_time["units"]
+    tree = DataTree(Dataset(coords={"time": ("time", time, of_time)}))
+    tree.children = {name: DataTree(group) for name, group in groups.items()}  # `from_dict` copies twice
+    configuration = {"pair": "-".join(pendulums), "methods": names}
+    tree.attrs.update(result_attributes(record, configuration, started))
     tree.attrs["numbers_sha256"] = numbers_sha256(tree)
     return tree
 
 
-def _of_time(parts: Parts, components: list[str], names: list[str], gravity: Dataset) -> dict[str, Dataset]:
-    """All groups, those that are series of time among them."""
-    from xarray import Dataset
-
-    record, prepared, reductions, joint = parts.record, parts.prepared, parts.reductions, parts.joint
-    seen, of_time = prepared.observation, dict(record.dataset["time"].attrs)
-    time = prepared.sliding.time + seen.start
-    record_time = np.asarray(record.dataset["time"].values, dtype=np.float64)
-    difference = _difference(parts, record_time)
-    known = record_time[np.isfinite(difference["elongation"])] - seen.start
-    of_phases = quantities.phases(prepared, reductions, known)
-    corrected = quantities.correction(prepared, reductions, parts.own)
-    groups: dict[str, Any] = {
-        "/": Dataset(coords={"time": ("time", time, of_time)}),
-        "/gravity": gravity,
-        "/phases": dataset("phases", of_phases, {"component": components, "formula": quantities.FORMULAS}),
-        "/correction": dataset("correction", corrected, {"estimator": names}),
-    }
-    if joint is not None:
-        course, told = joint.course(time)
-        groups["/course"] = dataset("course", course).assign_attrs(told)
-        groups["/ship"] = dataset("ship", joint.ship(time))
-    groups["/difference"] = dataset("difference", difference, {"record_time": record_time})
-    groups["/spectrum"] = dataset("spectrum", *quantities.spectrum(record_time, difference["residual"]))
-    if parts.full and joint is not None:
-        angle = {"theta": joint.pendulums(record_time)}
-        groups["/pendulums"] = dataset("pendulums", angle, {"pendulum": components[:2], "record_time": record_time})
-    for where in ("/difference", "/pendulums"):
-        if where in groups:
-            groups[where]["record_time"].attrs["units"] = of_time["units"]
-    return groups
-
-
-def _difference(parts: Parts, time: Floats) -> dict[str, Floats]:
+def _difference(
+    record: DataTree, prepared: Prepared, joint: Joint | None, time: Floats
+) -> tuple[Floats, Floats, Floats]:
     """The difference as it was read, as it is fitted, and what is left, at the record's own times."""
-    stored, seen = parts.record["record"].dataset, parts.prepared.observation
+    stored, seen = record["record"].dataset.variables, prepared.observation
     labels = [str(label) for label in stored["pendulum"].values]
     one, two = (np.eye(len(labels))[labels.index(label)] for label in (seen.first, seen.second))
     weights = weights_of(np.asarray(stored["combination"].values), one - two, f"{seen.first}-{seen.second}")
     read = combine(weights, np.asarray(stored["elongation"].values, dtype=np.float64))
-    if parts.joint is None:
-        model = quantities.model_of_harmonics(parts.prepared, time - seen.start)
-        return {"elongation": read, "model": model, "residual": read - model}
-    residual, swing = parts.joint.residual(weights, time), parts.joint.pendulums(time)
-    return {
-        "elongation": read,
-        "model": np.where(np.isfinite(residual), read - residual, swing[0] - swing[1]),
-        "residual": residual,
-    }
+    if joint is None:
+        model = quantities.model_of_harmonics(prepared, time - seen.start)
+        return read, model, read - model
+    residual, swing = joint.residual(weights, time), joint.pendulums(time)
+    return read, np.where(np.isfinite(residual), read - residual, swing[0] - swing[1]), residual
 
 
 def result_attributes(record: DataTree, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
@@ -145,30 +138,30 @@ def result_attributes(record: DataTree, configuration: Mapping[str, Any], starte
 
 
 def _gravity(
-    reductions: Sequence[Reduction], components: list[str], names: list[str], constants: Constants, record: DataTree
-) -> Any:
-    nan = float("nan")
-    every = corrections()
+    reductions: Sequence[Reduction], pendulums: list[str], names: list[str], constants: Constants, epoch: float
+) -> Dataset:
+    nan, every = float("nan"), corrections()
     entries = [module.NAME for module in every]
 
     def column(pick: Any, missing: Any = nan) -> np.ndarray:
         return np.array([pick(r) if r.gravity else missing for r in reductions])
 
     def ledger(field: str, missing: Any) -> np.ndarray:
-        return np.array(
-            [[getattr(r.gravity.ledger[e], field) if r.gravity else missing for e in entries] for r in reductions]
-        )
+        return column(lambda r: [getattr(r.gravity.ledger[e], field) for e in entries], [missing] * len(entries))
 
-    pendulums = components[:2]
+    sources = sorted({name for r in reductions if r.gravity for name in r.gravity.budget})
     raised = sorted({flag for r in reductions for flag in r.flags})
+    gravity, value = column(lambda r: r.gravity.gravity), ledger("value", nan)
+    # change of the second pendulum's full period, 1e-7 s, that a milligal stands for: dT = -T dg/2g
+    per_milligal = column(lambda r: -np.pi / r.gravity.frequency[1] * MGAL / r.gravity.gravity * 1e7)
     variables: dict[str, Any] = {
-        "gravity": column(lambda r: r.gravity.gravity),
+        "gravity": gravity,
         "gravity_sigma": column(lambda r: r.gravity.sigma),
-        "epoch": np.full(len(names), float(record.dataset["time"].values[[0, -1]].mean())),
+        "epoch": np.full(len(names), epoch),
         "frequency": column(lambda r: r.gravity.frequency, (nan, nan)),
-        "value": ledger("value", nan),
+        "value": value,
         "sigma": ledger("sigma", nan),
-        "value_period": ledger("value", nan) * column(_period_for_milligal)[:, None],
+        "value_period": value * per_milligal[:, None],
         "applied": ledger("applied", False).astype(np.uint8),
         "reason": ledger("reason", "the method refused").astype(object),
         "input": ledger("input_names", "").astype(object),
@@ -176,7 +169,7 @@ def _gravity(
         "formula_source": _text(module.SOURCE for module in every),
         "noise_sigma": column(lambda r: r.gravity.noise),
         "uncorrected": column(lambda r: r.gravity.uncorrected),
-        **anomalies(constants, column(lambda r: r.gravity.gravity)),
+        **anomalies(constants, gravity),
         "requested": _text(r.requested for r in reductions),
         "resolved": _text(r.method for r in reductions),
         "status": _text("ok" if r.gravity else "refused" for r in reductions),
@@ -190,23 +183,13 @@ def _gravity(
         "sensitivity_frequency_difference": column(lambda r: r.gravity.per_ratio),
         "sensitivity_gain": column(lambda r: r.gravity.per_gain),
         "elapsed": np.array([r.elapsed for r in reductions]),
+        "share": column(lambda r: [r.gravity.budget.get(s, 0.0) for s in sources], [nan] * len(sources)),
+        "advice": _text(r.gravity.advice if r.gravity else "" for r in reductions),
     }
-    sources = sorted({name for r in reductions if r.gravity for name in r.gravity.budget})
-    variables["share"] = np.array(
-        [[r.gravity.budget.get(s, 0.0) if r.gravity else nan for s in sources] for r in reductions]
-    )
-    variables["advice"] = _text(r.gravity.advice if r.gravity else "" for r in reductions)
-    coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
     if raised:
         variables |= {"flag": _text(raised), "flag_meaning": _text(told(name) for name in raised)}
+    coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
     return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
-
-
-def _period_for_milligal(reduction: Reduction) -> float:
-    """Change of the full period of the second pendulum, 1e-7 s, that a milligal stands for: dT = -T dg/2g."""
-    value = reduction.gravity
-    assert value is not None  # asked for methods that gave one
-    return float(-np.pi / value.frequency[1] * MGAL / value.gravity * 1e7)
 
 
 def _labels(reductions: Sequence[Reduction]) -> list[str]:

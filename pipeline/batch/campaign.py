@@ -15,8 +15,7 @@ from pathlib import Path
 from data_schemas.errors import FileError
 from data_schemas.shield import shielded
 from pipeline.batch.config import Config, Outcome, owner_of
-from pipeline.batch.ledger import NAME, Index, Ledger
-from pipeline.batch.log import Log
+from pipeline.batch.ledger import NAME, Index, Ledger, Log
 from pipeline.batch.record import file_sha256, input_sha256
 
 
@@ -26,9 +25,7 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
     `retry_failed`: what failed is to be done again; what a method refused it would refuse again.
     """
     place = ledger.places.get(config.key)
-    if place is None or not place.fits(config, ledger.versions):
-        return False
-    if place.status == "failed" and retry_failed:
+    if place is None or not place.fits(config, ledger.versions) or (place.status == "failed" and retry_failed):
         return False
     if _sum_of(input_sha256, path, config.kind) != place.input_sha256:
         return False
@@ -87,20 +84,11 @@ def run(
     limit: int | None = None,
     progress: Callable[..., object] | None = None,
 ) -> None:
-    """Do all jobs that are not done; `FileError` where the ledger or the log cannot be written.
+    """Do at most `limit` jobs that are not done; `FileError` where the ledger or the log cannot be written.
 
-    Parameters
-    ----------
-    executor : callable
-        Closed when this ends, however it ends.
-    tally : Tally
-        Counted as things happen, so that it is right after an interrupt too.
-    anew, retry_failed : bool
-        Do everything, whatever the ledger knows; do what failed again.
-    limit : int, optional
-        Most jobs to do.
-    progress : callable, optional
-        Told how many are done, of how many, and as `note` how many of them gave no value.
+    The executor is closed when this ends, however it ends; the tally counts as things happen, so that it is right
+    after an interrupt too. `anew`: do everything, whatever the ledger knows; `retry_failed`: do what failed again.
+    `progress` is told how many are done, of how many, and as `note` how many of them gave no value.
     """
     configurations: dict[str, str] = {}
     for _, config in jobs:

@@ -99,7 +99,9 @@ class Outcome:
         return replace(self, seconds=round(seconds, 6))
 
 
-def failure(key: str, error_class: str, error: str, input_sha256: str | None = None) -> Outcome:
+def failure(
+    key: str, error_class: str, error: str, input_sha256: str | None = None, status: Status = "failed"
+) -> Outcome:
     """Outcome of an input that gave nothing; the reason on one line of bounded length."""
     line = " ".join(error.split())
-    return Outcome(key, "failed", error_class, line if len(line) <= 500 else line[:497] + "...", input_sha256)
+    return Outcome(key, status, error_class, line if len(line) <= 500 else line[:497] + "...", input_sha256)

@@ -1,20 +1,20 @@
-"""The ledger of a batch: one line of JSON an outcome, appended and brought to the disk by the parent alone.
+"""The ledger of a batch, one line of JSON an outcome, appended and brought to the disk by the parent alone; its log.
 
-A line that tells of versions comes before those that refer to it. A torn end is cut off when the ledger is opened.
-
-A line is JSON and ends with the CRC-32 of what stands before it. A kill leaves at most one torn line, the last; a line
-that was damaged counts as not there, and its input is done again. Of several lines of one key the last one holds.
+A line that tells of versions comes before those that refer to it. Every line ends with the CRC-32 of what stands before
+it. A kill leaves at most one torn line, the last, which is cut off when the ledger is opened; a line that was damaged
+counts as not there, and its input is done again. Of several lines of one key the last one holds.
 """
 
 from __future__ import annotations
 
+import contextlib
+import datetime
 import json
 import os
 import stat
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self, get_args
 
 from data_schemas.contents import shown
@@ -23,9 +23,10 @@ from data_schemas.variables import rows_of
 from data_schemas.writing import reason, sync_folder
 from pipeline.batch.config import Config, Outcome, Status
 
-NAME = "ledger.jsonl"
+NAME, LOG = "ledger.jsonl", "batch.log.jsonl"
 _CRC = ', "crc32": "'
 _FIRST = b'{"versions": "'  # How a ledger begins
+_TEXTS = ("key", "status", "configuration_sha256", "versions")
 _MAY = ("error_class", "error", "input_sha256", "output_sha256")
 _CELLS = {name: float | int | None if row.dtype == "f8" else str | None for name, row in rows_of("summary").items()}
 MOST_LINE = 1 << 20  # bytes
@@ -49,17 +50,8 @@ class Place(NamedTuple):
 class Index:
     """What a ledger knows, as it is on the disk now; `FileError` where it cannot be read.
 
-    Parameters
-    ----------
-    folder : Path
-        Of the batch.
-    versions : str
-        JSON of what makes the numbers now; kept is their short name, as lines give it.
-
-    Attributes
-    ----------
-    places : dict of str to Place
-        By key.
+    `versions` is the JSON of what makes the numbers now; kept is its short name, as lines give it. `places` has a
+    `Place` for each key.
     """
 
     def __init__(self, folder: Path, versions: str) -> None:
@@ -71,12 +63,12 @@ class Index:
         try:
             _own(self.path)
             with self.path.open("rb") as file:
-                begun = file.readline(MOST_LINE)
-                self._see(begun)
-                while line := file.readline(MOST_LINE):
+                begun = line = file.readline(MOST_LINE)
+                while line:
                     self._see(line)
+                    line = file.readline(MOST_LINE)
         except OSError as error:
-            raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
+            raise _unreadable(self.path, error) from None
         torn = not begun.endswith(b"\n") and _FIRST.startswith(begun.rstrip(b"\0")[: len(_FIRST)])
         torn = torn or (begun.startswith(b"\0") and begun.endswith(b'"}\n'))  # what a disk that failed left of a line
         if begun and not (self.places or self._told or torn):
@@ -89,7 +81,7 @@ class Index:
                 file.seek(self.places[key].offset)
                 content = content_of(file.readline())
         except OSError as error:
-            raise FileError(f"{shown(self.path, 400)}: {error.strerror}; make it readable") from None
+            raise _unreadable(self.path, error) from None
         if content is None or not _is_outcome(content):
             raise FileError(f"{shown(self.path, 400)}: the line of {shown(key)} was damaged meanwhile; use --resume")
         return content
@@ -116,14 +108,20 @@ def _strange(path: Path) -> FileError:
     return FileError(f"{shown(path, 400)}: is no ledger of a batch; move it away, or choose another -o")
 
 
+def _unreadable(path: Path, error: OSError) -> FileError:
+    return FileError(f"{shown(path, 400)}: {error.strerror}; make it readable")
+
+
+def _unwritable(path: Path, error: OSError) -> FileError:
+    return FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}; then go on with --resume")
+
+
 def _is_outcome(content: dict[str, Any]) -> bool:
     """Whether a line tells of an outcome, with all that is asked of it later."""
-    texts = all(isinstance(content.get(name), str) for name in ("key", "status", "configuration_sha256", "versions"))
-    may = all(isinstance(content.get(name, 0), str | None) for name in _MAY)
+    texts = all(isinstance(content.get(name), str) for name in _TEXTS)
+    texts = texts and all(isinstance(content.get(name, 0), str | None) for name in _MAY)
     rows = content.get("rows")
-    return (
-        texts and may and content["status"] in get_args(Status) and isinstance(rows, list) and all(map(_is_row, rows))
-    )
+    return texts and content["status"] in get_args(Status) and isinstance(rows, list) and all(map(_is_row, rows))
 
 
 def _is_row(row: Any) -> bool:
@@ -158,9 +156,9 @@ def content_of(line: bytes) -> dict[str, Any] | None:
 
 def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str, Any]:
     """What the line of an outcome says."""
-    names = ("key", "status", "error_class", "error", "input_sha256", "output_sha256")
+    told = {name: getattr(one, name) for name in ("key", "status", *_MAY)}
     made = {"configuration_sha256": configuration, "versions": versions}
-    return {name: getattr(one, name) for name in names} | made | {"seconds": one.seconds, "rows": list(one.rows)}
+    return told | made | {"seconds": one.seconds, "rows": list(one.rows)}
 
 
 def place(offset: int, content: Mapping[str, Any]) -> Place:
@@ -184,30 +182,26 @@ class Ledger(Index):
 
     def __init__(self, folder: Path, versions: str) -> None:
         path = folder / NAME
-        try:
-            if os.path.lexists(path):
-                _own(path)
-            self._file = open_to_append(path)
-        except OSError as error:
-            raise _fault(path, error) from None
-        try:
-            _hold(self._file, path)
-            super().__init__(folder, versions)
-            os.ftruncate(self._file, self._size)
-            known = self.versions in self._told
-            self._write([] if known else [line_of({"versions": self.versions, "of": json.loads(versions)})])
-            sync_folder(folder)  # as the lines above: whoever wrote may have been killed before it did this
-        except OSError as error:
-            os.close(self._file)
-            raise _fault(path, error) from None
-        except BaseException:
-            os.close(self._file)
-            raise
+        with contextlib.ExitStack() as fault:
+            try:
+                if os.path.lexists(path):
+                    _own(path)
+                self._file = open_to_append(path)
+                fault.callback(os.close, self._file)
+                _hold(self._file, path)
+                super().__init__(folder, versions)
+                os.ftruncate(self._file, self._size)
+                known = self.versions in self._told
+                self._write([] if known else [line_of({"versions": self.versions, "of": json.loads(versions)})])
+                sync_folder(folder)  # as the lines above: whoever wrote may have been killed before it did this
+            except OSError as error:
+                raise _unwritable(path, error) from None
+            fault.pop_all()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         os.close(self._file)
 
     def append(self, outcomes: Iterable[Outcome], configurations: Mapping[str, str]) -> None:
@@ -224,7 +218,7 @@ class Ledger(Index):
         try:
             self._write(lines)
         except OSError as error:
-            raise _fault(self.path, error) from error
+            raise _unwritable(self.path, error) from error
         self.places |= places
 
     def _write(self, lines: list[bytes]) -> None:
@@ -242,10 +236,6 @@ def open_to_append(path: Path) -> int:
     return os.open(path, how, 0o666)
 
 
-def _fault(path: Path, error: OSError) -> FileError:
-    return FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}; then go on with --resume")
-
-
 def _hold(descriptor: int, path: Path) -> None:
     """Make sure that no other batch writes to the ledger; where the system has no locks, trust the user."""
     try:
@@ -256,3 +246,33 @@ def _hold(descriptor: int, path: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise UsageError(f"{shown(path, 400)}: another batch writes to it; wait for it, or choose another -o") from None
+
+
+class Log:
+    """The log for machines, one JSON object an event; a context manager. It only tells: nothing waits for the disk.
+
+    `FileError` where it cannot be written, also from `event`.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / LOG
+        try:
+            self._file = os.fdopen(open_to_append(self._path), "a", encoding="utf-8")
+        except OSError as error:
+            raise FileError(f"{shown(self._path, 400)}: cannot be written, {reason(error)}") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with contextlib.suppress(OSError):  # what could not be written, `event` told of
+            self._file.close()
+
+    def event(self, name: str, **fields: Any) -> None:
+        """Tell of one event; the time is UTC."""
+        now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+        try:
+            self._file.write(json.dumps({"time": now, "event": name, **fields}) + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise FileError(f"{shown(self._path, 400)}: cannot be written, {reason(error)}") from None

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +36,7 @@ def process_record(path: Path, config: Config) -> Outcome:
         with bounded(config.memory) as allow:
             outcome = _made(path, config, digest, config.kind.record(path, config, allow))
     except RefusedError as error:
-        outcome = _refused(config.key, naming(path, str(error)), digest)
+        outcome = failure(config.key, "RefusedError", naming(path, str(error)), digest, "refused")
     except IsochronyError as error:
         outcome = failure(config.key, type(error).__name__, naming(path, str(error)), digest)
     except MemoryError:
@@ -82,7 +81,7 @@ def _made(path: Path, config: Config, digest: str, record: DataTree) -> Outcome:
     )
     rows = summaries(result)
     if not any(row["status"] == "ok" for row in rows):
-        return _refused(config.key, naming(path, str(rows[0]["error"])), digest)
+        return failure(config.key, "RefusedError", naming(path, str(rows[0]["error"])), digest, "refused")
     used = json.loads(result.attrs["configuration"])
     result.attrs["configuration"] = json.dumps(used | json.loads(config.meaning), sort_keys=True)
     result.attrs["command"] = config.command
@@ -107,16 +106,7 @@ def _write(result: DataTree, config: Config) -> None:
 
 def _row(row: dict[str, Any]) -> dict[str, Any]:
     """What the summary keeps of one method: no more than it needs, for a ledger has a million of them."""
-    kept = {name: _number(row[name]) for name in _KEPT if row.get(name) is not None}
-    kept["correction_mgal"] = _number(sum(value for value in row["corrections_mgal"].values() if value == value))
+    kept = {"record_id": row["record_id"]} | {name: row[name] for name in _KEPT if row.get(name) is not None}
+    kept["correction_mgal"] = sum(value for value in row["corrections_mgal"].values() if value == value)
     kept["flags"] = " ".join(row["flags"])
-    return {"record_id": row["record_id"]} | kept
-
-
-def _number(value: Any) -> Any:
-    """NaN, which JSON does not have, as None."""
-    return None if isinstance(value, float) and value != value else value
-
-
-def _refused(key: str, error: str, digest: str | None) -> Outcome:
-    return replace(failure(key, RefusedError.__name__, error, digest), status="refused")
+    return {name: None if value != value else value for name, value in kept.items()}  # JSON has no NaN

@@ -26,15 +26,7 @@ _M_MMAP_THRESHOLD, _MAPPED = -3, 8 << 20  # and blocks it asks of the system one
 def warm(methods: Sequence[str], parent: int | None = None) -> None:
     """Import what processing needs, run every method once, and let garbage collection pass over all that.
 
-    The C library is told to keep some memory between records: dask has its workers, and so what they start, give all
-    back at once, and a record then spends a sixth of its time in getting it again.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Those to come.
-    parent : int, optional
-        Process without which this one is to end: an orphan would write results nobody waits for.
+    `parent` is a process without which this one is to end: an orphan would write results nobody waits for.
     """
     if parent is not None:
         _die_with(parent)
@@ -83,7 +75,11 @@ def _die_with(parent: int) -> None:
 
 
 def _keep_memory() -> None:
-    """Where the C library is GNU's; others have no such call."""
+    """Tell GNU's C library to keep some memory between records; others have no such call.
+
+    Dask has its workers, and so what they start, give all back at once, and a record then spends a sixth of its time
+    in getting it again.
+    """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
         mallopt(_M_TRIM_THRESHOLD, _KEPT)

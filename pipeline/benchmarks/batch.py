@@ -21,7 +21,7 @@ from pathlib import Path
 
 import data_schemas
 import synth
-from pipeline.batch import ledger, log
+from pipeline.batch import ledger
 from pipeline.batch.summary import NAMES
 from pipeline.benchmarks import tables
 from pipeline.benchmarks.scenes import linear
@@ -79,7 +79,7 @@ def _command(records: Path, out: Path, *words: str) -> list[str]:
 
 def _batch(records: Path, out: Path, words: Sequence[str]) -> list[float]:
     subprocess.run(_command(records, out, *words), env=_environment(), check=True, capture_output=True)
-    events = [json.loads(line) for line in (out / log.NAME).read_text().splitlines()]
+    events = [json.loads(line) for line in (out / ledger.LOG).read_text().splitlines()]
     return [datetime.fromisoformat(line["time"]).timestamp() for line in events if line["event"] == "record"]
 
 

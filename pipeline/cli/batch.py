@@ -77,8 +77,7 @@ def run(options: argparse.Namespace) -> int:
     """Do the batch, and tell what became of it."""
     _check(options)
     from pipeline.batch.campaign import Tally
-    from pipeline.batch.ledger import Ledger
-    from pipeline.batch.log import Log
+    from pipeline.batch.ledger import Ledger, Log
     from pipeline.cli.batch_jobs import jobs_of, tell_end, tell_plan
     from pipeline.cli.outputs import folder_for_output
     from pipeline.provenance import versions
@@ -129,11 +128,11 @@ def _executor(options: argparse.Namespace, jobs: Any) -> Any:
     """The executor asked for, as a function of jobs alone."""
     limits = {"methods": jobs[0][1].method, "timeout": options.timeout}
     if options.scheduler is not None:
-        from pipeline.batch.executors.cluster import clustered
+        from pipeline.batch.cluster import clustered
 
         security = {_TLS[name]: value for name in _TLS if (value := getattr(options, name)) is not None}
         return partial(clustered, address=options.scheduler, security=security, told=complain, **limits)
-    from pipeline.batch.executors.pool import pooled, serial
+    from pipeline.batch.executors import pooled, serial
 
     if options.executor == "serial":
         return serial

@@ -16,8 +16,7 @@ from data_schemas.errors import UsageError
 from pipeline.batch.campaign import Job, Tally, holds
 from pipeline.batch.config import Config
 from pipeline.batch.inputs import MOST, Input, Variant, find_inputs, grid, parse_sweep
-from pipeline.batch.ledger import NAME, Index
-from pipeline.batch.log import Log
+from pipeline.batch.ledger import NAME, Index, Log
 from pipeline.cli.batch_kinds import KINDS, member_of
 from pipeline.cli.faults import exit_status
 from pipeline.cli.tables import complain

@@ -18,6 +18,7 @@ vertical by psi and strengthens it; heave changes it too. In the slow limit the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,7 +28,7 @@ IMAGE_BEATS = 2.0  # beats with the image at the negative frequency that a windo
 WINDOW_SECONDS = 16.0
 HOP_SECONDS = 1.0
 KAISER_SHAPE = 14.0
-TERMS = 6  # of a window's fit that are looked at
+TERMS = 6  # of a window's fit that are looked at: not those of the amplitude's quadratic change
 LEAST_COVERAGE = 0.7  # of a window's weight; an instant with less has no value
 PASS, STOP = 0.5, 0.85  # of the swing's frequency
 REJECTION = 80.0  # dB, of the swing: what is left of it is 1e-6 rad
@@ -51,25 +52,21 @@ class Envelope:
     taps: Complexes  # (m,) weights of a complete window's samples in the amplitude, counted from its own centre
 
     def influence(self, by_instant: Complexes, count: int, every: int) -> Floats:
-        """Influence of every sample of the difference on `Re sum conj(by_instant) D`, (count,).
+        """Influence of each of `count` samples of the difference on `Re sum conj(by_instant) D`, (count,).
 
-        `count` samples, from window to window `every` of them.
-
-        Counting each instant's noise as white and round is right only where the image of the harmonic is far off.
+        Windows are `every` samples apart. Counting each instant's noise as white and round is right only where the
+        image of the harmonic is far off.
         """
         out = np.zeros(count)
-        turned = np.conj(by_instant) * np.exp(-1j * self.carrier * self.time)
-        for k, weight in enumerate(turned):
+        for k, weight in enumerate(np.conj(by_instant) * np.exp(-1j * self.carrier * self.time)):
             out[k * every : k * every + self.taps.size] += (weight * self.taps).real
         return out
 
     @property
     def share(self) -> Complexes:
         """Z1/D, NaN where either is missing."""
-        out = np.full(self.first.size, np.nan, dtype=np.complex128)
-        present = np.isfinite(self.first) & np.isfinite(self.difference) & (self.difference != 0.0)
-        np.divide(self.first, self.difference, out=out, where=present)
-        return out
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(self.difference == 0.0, np.nan, self.first / self.difference))
 
     @property
     def hop(self) -> float:
@@ -83,8 +80,7 @@ def image_distance(frequency: float, mean_step: float) -> float:
     At half-second marks a pendulum of 1.01 s is sampled twice a swing, and its image lies at 0.124 rad s-1.
     """
     nyquist = np.pi / mean_step
-    folded = np.abs((2.0 * frequency + nyquist) % (2.0 * nyquist) - nyquist)
-    return float(folded)
+    return float(abs((2.0 * frequency + nyquist) % (2.0 * nyquist) - nyquist))
 
 
 def window_length(frequency: float, mean_step: float, duration: float) -> float:
@@ -99,35 +95,25 @@ def fill(values: Complexes) -> Complexes:
     if present.all():
         return values
     where = np.arange(values.size)
-    real, imaginary = (np.interp(where, where[present], part[present]) for part in (values.real, values.imag))
-    return np.asarray(real + 1j * imaginary)
+    return np.asarray(np.interp(where, where[present], values[present]))
 
 
 def sliding_envelope(time: Floats, step: float, first: Floats, difference: Floats, frequency: float) -> Envelope:
-    """Envelope of both series at instants `HOP_SECONDS` apart (further where the window must be long).
+    """Envelope of both series (n,), rad, NaN = missing, about a carrier of `frequency`, rad s-1.
 
-    Flat at the pendulum's frequency, and some 95 dB down where swell is.
-
-    Parameters
-    ----------
-    time, first, difference : (n,) arrays
-        s, rad, rad; NaN = missing.
-    step : float
-        Sampling step, s.
-    frequency : float
-        Carrier, rad s-1.
+    Its instants are `HOP_SECONDS` apart (further where the window must be long). Flat at the pendulum's frequency, and
+    some 95 dB down where swell is.
     """
     length = window_length(frequency, step, float(time[-1]) + step)
     half = max(8, round(0.5 * length / step))
     every = max(1, round(HOP_SECONDS * max(1.0, length / WINDOW_SECONDS) / step))
-    basis, weight = window(half, step, frequency)
-    fits = [fit_windows(series, basis, weight, every) for series in (first, difference)]
+    basis, weight, taps = window(half, step, frequency)
+    fits = [fit_windows(series, basis, weight, taps, every) for series in (first, difference)]
     fit, coverage = (np.stack(each) for each in zip(*fits, strict=True))
     centres = (np.arange(fit.shape[2]) * every + half) * step
     carrier = np.exp(-1j * frequency * centres)
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
-    real, imaginary = weighted_inverse(basis, weight)[:2]
     return Envelope(
         time=centres,
         carrier=frequency,
@@ -138,17 +124,19 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
         slow=fit[:, 2],
         coverage=coverage[1],
         samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(np.square([real, imaginary]))),
-        taps=real - 1j * imaginary,
+        noise_gain=float(0.5 * np.sum(np.square(taps[:2]))),
+        taps=taps[0] - 1j * taps[1],
     )
 
 
-def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats]:
-    """Basis (rows, 8) and Kaiser weight (rows,) of a window of `2 half + 1` samples."""
+@lru_cache(maxsize=2)  # records of one instrument have one window
+def window(half: int, step: float, frequency: float) -> tuple[Floats, Floats, Floats]:
+    """Basis (rows, 8), Kaiser weight (rows,) and taps (8, rows) of a window of `2 half + 1` samples."""
     x = np.arange(-half, half + 1) / half
     cos, sin = np.cos(frequency * half * step * x), np.sin(frequency * half * step * x)
     basis = np.stack([cos, sin, np.ones_like(x), x, x * cos, x * sin, x * x * cos, x * x * sin], axis=-1)
-    return basis, np.kaiser(x.size, KAISER_SHAPE)
+    weight = np.kaiser(x.size, KAISER_SHAPE)
+    return basis, weight, weighted_inverse(basis, weight)
 
 
 def weighted_inverse(basis: Floats, weight: Floats) -> Floats:
@@ -157,19 +145,16 @@ def weighted_inverse(basis: Floats, weight: Floats) -> Floats:
     return np.asarray(np.linalg.pinv(weighted @ basis) @ weighted)
 
 
-def fit_windows(series: Floats, basis: Floats, weight: Floats, every: int) -> tuple[Floats, Floats]:
-    """Coefficients (6, k) of windows `every` samples apart, NaN where too little is there; coverage (k,).
-
-    Those of the amplitude's quadratic change are left out: nobody asks for them.
-    """
+def fit_windows(series: Floats, basis: Floats, weight: Floats, taps: Floats, every: int) -> tuple[Floats, Floats]:
+    """Coefficients (6, k) of windows `every` samples apart, NaN where too little is there; coverage (k,)."""
     rows, terms = basis.shape
     hops, count = -(-rows // every), (series.size - rows) // every + 1
     # a window as so many stretches from one window's start to the next: one product for all of them
-    taps, stretches = np.zeros((TERMS, hops * every)), np.zeros((count - 1 + hops) * every)
-    taps[:, :rows] = weighted_inverse(basis, weight)[:TERMS]
+    laid, stretches = np.zeros((TERMS, hops * every)), np.zeros((count - 1 + hops) * every)
+    laid[:, :rows] = taps[:TERMS]
     here = series[: stretches.size]
     stretches[: here.size] = here
-    by_hop = taps.reshape(TERMS, hops, every).swapaxes(0, 1).reshape(-1, every)
+    by_hop = laid.reshape(TERMS, hops, every).swapaxes(0, 1).reshape(-1, every)
     products = (by_hop @ stretches.reshape(-1, every).T).reshape(hops, TERMS, -1)
     out, coverage = np.zeros((TERMS, count)), np.ones(count)
     for hop, product in enumerate(products):
@@ -237,17 +222,7 @@ def windowed(cut: float, reach: int, step: float, rejection: float) -> tuple[Flo
 
 
 def slow_motion(theta: Floats, vertical: Floats | None, step: float, frequency: float, gravity: float) -> SlowMotion:
-    """Separate the slow motion.
-
-    Parameters
-    ----------
-    theta : (n,) array
-        First pendulum, rad, whole.
-    vertical : (n,) array or None
-        z'', m s-2.
-    step, frequency, gravity : float
-        s, rad s-1, m s-2.
-    """
+    """Separate the slow motion of the first pendulum, (n,), rad, whole, and of the heave z'', (n,), m s-2, if any."""
     every = max(1, int(2.0 * np.pi / (frequency * step) / COARSE))
     edge, stop, coarse = PASS * frequency, STOP * frequency, every * step
     # what folds onto the pass band where samples are left out must be gone

@@ -30,8 +30,9 @@ _SCAN_FROM = 4.0  # rad over the record that the correction may reach before mor
 class NarrowbandFit:
     """Result of the fit.
 
-    `jacobian` (4, k) is that of the complex model by (Re D0, Im D0, n2, gamma2); its weighted products with a residual
-    change n2 by `influence` (4,). `slope` is that of the phase before any correction, less the carrier, rad s-1.
+    `jacobian` (3 or 4, k) is that of the complex model by (Re D0, Im D0, n2, gamma2 where it is fitted); its weighted
+    products with a residual change n2 by `influence`. `slope` is that of the phase before any correction, less the
+    carrier, rad s-1.
     """
 
     frequency: float
@@ -77,84 +78,97 @@ def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
     return regression(time[used], np.unwrap(np.angle(chosen)), weight[used] * np.abs(chosen) ** 2)
 
 
-@dataclass(frozen=True)
-class ComplexForm:
-    """What is held while the complex form is fitted."""
-
-    time: Floats  # (k,) uniform instants, s
-    difference: Complexes  # (k,) envelope relative to the carrier, rad; anything finite where it has no weight
-    first: Complexes  # (k,) the same of the first pendulum, without gaps
-    first_speed: Complexes  # (k,) its derivative, rad s-1
-    weight: Floats  # (k,) of the instants, 0 where missing
-    carrier: float  # n0, rad s-1
-    ratio: float  # n1/n2
-    damping_difference: float  # gamma1 - gamma2, s-1
-
-    def model(self, frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
-        """The model (k,) of a trial (n2, gamma2) from the best start D0, and growth `e^{mu t}` (k,)."""
-        time, hop = self.time - self.time[0], float(self.time[1] - self.time[0])
-        decay = gamma + self.damping_difference
-        # damped frequency of the first pendulum
-        own = np.sqrt(self.ratio**2 * (frequency**2 + gamma**2) - decay**2)
-        mu = complex(-gamma, frequency - self.carrier)
-        kappa = complex(-self.damping_difference, own - frequency)
-        # X = Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both analytic signals
-        by_first = kappa * (1.0 + 1.5 * complex(self.carrier - own, -decay) / own)
-        drive = by_first * self.first + kappa * (-1.5j / own) * self.first_speed
-        growth = np.exp(mu * time)
-        response = growth * running_integral(drive / growth, hop)
-        conjugate = self.weight * np.conj(growth)
-        start = complex((conjugate @ (self.difference - response)) / (conjugate @ growth).real)
-        return start * growth + response, growth
-
-    def squares(self, model: Complexes) -> float:
-        """Weighted sum of squares of what a model leaves."""
-        return float(self.weight @ np.abs(self.difference - model) ** 2)
-
-    def jacobian(self, model: Complexes, growth: Complexes) -> Complexes:
-        """Derivatives of the model by (Re D0, Im D0, n2, gamma2), (4, k), unweighted."""
-        hop = float(self.time[1] - self.time[0])
-        forced = (self.ratio - 1.0) * self.first  # X leaves it as w1 and gamma1 leave the first pendulum's swing
-        sources = 1j * (model - 0.5 * forced), 1.5 * forced - model
-        by_frequency, by_damping = (growth * running_integral(each / growth, hop) for each in sources)
-        return np.stack([growth, 1j * growth, by_frequency, by_damping])
-
-
-def complex_form(envelope: Envelope, ratio: float, damping_difference: float) -> ComplexForm:
-    """The complex form on an envelope; gaps of the input are bridged, those of the difference have no weight."""
-    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
-    difference = np.where(weight > 0.0, envelope.difference, 0.0)
-    inputs = fill(envelope.first), fill(envelope.first_speed)
-    return ComplexForm(envelope.time, difference, *inputs, weight, envelope.carrier, ratio, damping_difference)
-
-
-def fit_narrowband(form: ComplexForm, damping_rate: float | None) -> NarrowbandFit:
-    """Fit the complex form of (27).
+def fit_narrowband(
+    envelope: Envelope, ratio: float, damping_difference: float, damping_rate: float | None
+) -> NarrowbandFit:
+    """Fit the complex form of (27); gaps of the input are bridged, those of the difference have no weight.
 
     Parameters
     ----------
+    ratio : float
+        n1/n2.
+    damping_difference : float
+        gamma1 - gamma2, s-1.
     damping_rate : float or None
         gamma2, s-1; None = fitted.
     """
-    time, weight = form.time, form.weight
-    gamma = 0.0 if damping_rate is None else damping_rate
-    slope, length = phase_slope(time, form.difference, weight), float(time[-1] - time[0])
-    frequency = form.carrier + slope
-    span = 2.0 * abs(frequency * (form.ratio - 1.0)) * length
+    time, hop, carrier = envelope.time - envelope.time[0], envelope.hop, envelope.carrier
+    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
+    difference = np.where(weight > 0.0, envelope.difference, 0.0)
+    first, first_speed = fill(envelope.first), fill(envelope.first_speed)
+
+    def modelled(frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
+        """The model from the best start D0, and growth `e^{mu t}`, (k,) each."""
+        decay = gamma + damping_difference
+        own = np.sqrt(ratio**2 * (frequency**2 + gamma**2) - decay**2)  # damped frequency of the first pendulum
+        kappa = complex(-damping_difference, own - frequency)
+        # X = Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both analytic signals
+        by_first = kappa * (1.0 + 1.5 * complex(carrier - own, -decay) / own)
+        drive = by_first * first + kappa * (-1.5j / own) * first_speed
+        growth = np.exp(complex(-gamma, frequency - carrier) * time)
+        response = growth * running_integral(drive / growth, hop)
+        conjugate = weight * np.conj(growth)
+        start = complex((conjugate @ (difference - response)) / (conjugate @ growth).real)
+        return start * growth + response, growth
+
+    def squares(model: Complexes) -> float:
+        return float(weight @ np.abs(difference - model) ** 2)
+
+    gamma, length = 0.0 if damping_rate is None else damping_rate, float(time[-1])
+    slope = phase_slope(envelope.time, difference, weight)
+    frequency = carrier + slope
+    span = 2.0 * abs(frequency * (ratio - 1.0)) * length
     if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
         steps = int(np.ceil(span / _SCAN_STEP))
         trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
-        frequency = float(min(trials, key=lambda trial: form.squares(form.model(trial, gamma)[0])))
-    free = 4 if damping_rate is None else 3
-    inverse = np.zeros((4, 4))
+        frequency = float(min(trials, key=lambda trial: squares(modelled(trial, gamma)[0])))
+    forced = (ratio - 1.0) * first  # X leaves it as w1 and gamma1 leave the first pendulum's swing
     for _ in range(ITERATIONS):
-        model, growth = form.model(frequency, gamma)
-        jacobian = form.jacobian(model, growth)
-        weighted = np.conj(jacobian[:free]) * weight
-        normal = (weighted @ jacobian[:free].T).real
-        inverse[:free, :free] = scaled_inverse(normal)
-        change = inverse[:, :free] @ (weighted @ (form.difference - model)).real
-        if abs(change[2]) < SETTLED * form.carrier:
+        model, growth = modelled(frequency, gamma)
+        sources = [1j * (model - 0.5 * forced)] + [1.5 * forced - model] * (damping_rate is None)
+        columns = [growth * running_integral(each / growth, hop) for each in sources]
+        jacobian = np.stack([growth, 1j * growth, *columns])
+        weighted = np.conj(jacobian) * weight
+        inverse = scaled_inverse((weighted @ jacobian.T).real)
+        change = inverse @ (weighted @ (difference - model)).real
+        if abs(change[2]) < SETTLED * carrier:
             break
-        frequency, gamma = frequency + float(change[2]), gamma + float(change[3])
-    return NarrowbandFit(frequency, slope, gamma, model, jacobian, influence=inverse[2], squares=form.squares(model))
+        frequency, gamma = frequency + float(change[2]), gamma + float(change[3:].sum())
+    return NarrowbandFit(frequency, slope, gamma, model, jacobian, influence=inverse[2], squares=squares(model))
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Sensitivities of the frequency of the difference pendulum, all linear."""
+
+    noise_difference: float  # 1 sigma of the frequency, rad s-1, per radian of white reading noise in the series
+    noise_theta: float
+    by_ratio: float  # d n2 / d (n1/n2), rad s-1
+    by_gain: float  # d n2 / d ln(gain of the first pendulum's trace), rad s-1
+    by_damping: float  # d n2 / d (gamma1 - gamma2)
+    influence: Complexes  # (k,) g of `d n2 = Re sum conj(g) dD` over the envelope's instants, s-1
+
+
+def budget(envelope: Envelope, fit: NarrowbandFit, ratio: float, damping_difference: float) -> Budget:
+    """Propagate noise, ratio and gain through the least-squares fit of the complex form.
+
+    Noise of the first pendulum enters through the running integral, hence by the adjoint: the influence of one instant
+    of it is the tail sum of the influences of all later instants of the difference.
+    """
+    weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)
+    influence: Complexes = weight * (fit.influence @ fit.jacobian)
+    growth = fit.jacobian[0]
+    kappa = 1j * fit.frequency * (ratio - 1.0) - damping_difference
+    tail = np.cumsum((np.conj(influence) * growth)[::-1]) / growth[::-1]
+    # what the first pendulum's envelope does to the difference
+    response = np.conj(influence) @ (growth * running_integral(fill(envelope.first) / growth, envelope.hop))
+    samples_theta, samples_difference = envelope.samples
+    spread = np.abs(influence[weight > 0.0]) ** 2 / weight[weight > 0.0]
+    return Budget(
+        noise_difference=float(np.sqrt(2.0 / samples_difference * np.sum(spread))),
+        noise_theta=abs(kappa) * envelope.hop * float(np.sqrt(2.0 / samples_theta * np.sum(np.abs(tail) ** 2))),
+        by_ratio=-float((1j * fit.frequency * response).real),
+        by_gain=-float((kappa * response).real),
+        by_damping=float(response.real),
+        influence=influence,
+    )

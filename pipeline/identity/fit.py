@@ -23,6 +23,13 @@ from pipeline.observation import Observation
 NODES = 8
 _GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(16)  # on an interval: exact to rounding below Nyquist
 _CUTOFF = 1e-14  # of the largest: what fast sampling leaves of the functions' differences below it is rounding
+ITERATIONS = 12
+SETTLED = 1e-5  # rad at the record's end: what is left after such a step is a thousandth of it at most
+OUTLIER = 7.0  # sigmas
+FLOOR = 1e-4  # of the amplitude: what departs less may be the quadrature at the ends
+
+Expansion = Callable[[Floats, float], tuple[Floats, Floats | float, Floats]]
+"""(d, n2) -> N(d), s-2 rad, and its derivatives by d (a number where it is the same at all samples) and by n2."""
 
 
 def basis(z: Floats, angle: float, count: int = NODES) -> Floats:
@@ -75,32 +82,9 @@ class Weights(NamedTuple):
     driven: Floats
     direct: float
 
-
-def weights(frequency: float, gamma: float, ratio: float, damping_difference: float, step: float) -> Weights:
-    """Weights for h = `frequency`, rad s-1, gamma2, n1/n2 and gamma1 - gamma2.
-
-    By parts the first pendulum acts as `(1-r) theta1` and by f = Im(gain c), c its running integral with exp(lam t).
-    """
-    r = ratio**-2
-    oscillation = np.sqrt(frequency**2 - gamma**2)
-    eigenvalue = complex(-gamma, oscillation)
-    turn = np.exp(eigenvalue * step)
-    drag = 2.0 * (gamma * (1.0 - r) - r * damping_difference)
-    gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
-
-    near, wide = (taps(eigenvalue, frequency, step, count) for count in (2, NODES))
-    near, wide = (np.append(0.0, own) - np.conj(turn) * np.append(own, 0.0) for own in (near, wide))
-    swing = np.array([abs(turn) ** 2, -2.0 * turn.real, 1.0])
-    return Weights(swing, wide.imag / oscillation, near.imag / oscillation, (gain * wide).imag, 1.0 - r)
-
-
-ITERATIONS = 12
-SETTLED = 1e-5  # rad at the record's end: what is left after such a step is a thousandth of it at most
-OUTLIER = 7.0  # sigmas
-FLOOR = 1e-4  # of the amplitude: what departs less may be the quadrature at the ends
-
-Expansion = Callable[[Floats, float], tuple[Floats, Floats | float, Floats]]
-"""(d, n2) -> N(d), s-2 rad, and its derivatives by d (a number where it is the same at all samples) and by n2."""
+    def system(self, stiffness: Floats | float) -> Floats:
+        """Lower band matrix (3, n) of the identity whose right-hand side changes with the angle by `stiffness`."""
+        return np.asarray(self.swing[::-1] - self.near[::-1] * np.asarray(stiffness)[..., None]).T
 
 
 @dataclass(frozen=True)
@@ -121,12 +105,7 @@ class Fit:
         """d n2 by what is added to the model's right-hand side at a sample, (n,)."""
         from scipy.linalg.lapack import dtbtrs
 
-        return np.asarray(dtbtrs(system(self.weights, self.stiffness), self.influence, uplo="L", trans="T")[0])
-
-    @property
-    def noise_gain(self) -> float:
-        """1 sigma of n2 per radian of white noise in the difference, s-1."""
-        return float(np.linalg.norm(self.influence))
+        return np.asarray(dtbtrs(self.weights.system(self.stiffness), self.influence, uplo="L", trans="T")[0])
 
 
 @dataclass(frozen=True)
@@ -149,17 +128,25 @@ class Identity:
         return self.source(by, right) + driven - np.correlate(angle - by.direct * theta, by.swing, "valid")
 
     def weights(self, gamma: float) -> Weights:
-        """Weights of the identity at a trial gamma2, s-1."""
-        seen = self.observation
-        return weights(self.held, gamma, seen.frequency_ratio, seen.damping_difference, seen.step)
+        """Weights at a trial gamma2, s-1.
+
+        By parts the first pendulum acts as `(1-r) theta1` and by f = Im(gain c), c its running integral with
+        exp(lam t).
+        """
+        seen, step = self.observation, self.observation.step
+        r = seen.frequency_ratio**-2
+        oscillation = np.sqrt(self.held**2 - gamma**2)
+        eigenvalue = complex(-gamma, oscillation)
+        turn = np.exp(eigenvalue * step)
+        drag = 2.0 * (gamma * (1.0 - r) - r * seen.damping_difference)
+        gain = ((1.0 - r) * eigenvalue**2 + drag * eigenvalue) / oscillation
+        near, wide = (taps(eigenvalue, self.held, step, count) for count in (2, NODES))
+        near, wide = (np.append(0.0, own) - np.conj(turn) * np.append(own, 0.0) for own in (near, wide))
+        swing = np.array([abs(turn) ** 2, -2.0 * turn.real, 1.0])
+        return Weights(swing, wide.imag / oscillation, near.imag / oscillation, (gain * wide).imag, 1.0 - r)
 
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
-        """Iterate until n2 and gamma2 stand still.
-
-        Parameters
-        ----------
-        gamma : float
-            gamma2, s-1; where it is fitted, its start.
+        """Iterate until n2 and gamma2 stand still; `gamma` is gamma2, s-1, or its start where it is fitted.
 
         Raises
         ------
@@ -184,7 +171,10 @@ class Identity:
             zero_line, change[3] = float(change[3]), 0.0
             about += change @ columns
             frequency, gamma = frequency + float(change[2]), gamma + float(change[4:].sum())
-            _require_swing_near(frequency, gamma)
+            if not np.isfinite(frequency) or abs(gamma) > 0.1 * frequency:
+                raise RefusedError(
+                    "difference: no swing near the nominal period; check instrument/period and the traces"
+                )
             if np.abs(change[2:]).max() * step * count < SETTLED:
                 break
         residual = difference - about - zero_line
@@ -217,32 +207,19 @@ def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple
     columns = np.zeros((count, 2 + len(sources)), order="F")
     columns[:2, :2] = (1.0, 0.0), (0.5 * by.swing[1], 1.0)  # a cosine and a sine
     columns[2:, 2:] = np.stack(sources, axis=1)
-    return tuple(dtbtrs(system(by, stiffness), columns, uplo="L", overwrite_b=True)[0].T)
-
-
-def system(by: Weights, stiffness: Floats | float) -> Floats:
-    """Lower band matrix (3, n) of an identity whose right-hand side changes with the angle by `stiffness`."""
-    return np.asarray(by.swing[::-1] - by.near[::-1] * np.asarray(stiffness)[..., None]).T
+    return tuple(dtbtrs(by.system(stiffness), columns, uplo="L", overwrite_b=True)[0].T)
 
 
 def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Coefficients of the columns (k, n) for values (n,), and their covariance (k, k) per variance of white noise.
 
-    Raises
-    ------
-    RefusedError
-        Too few samples, or samples that are no numbers.
+    `RefusedError`: too few samples, or samples that are no numbers.
     """
     gram = np.stack([columns @ column for column in columns])
     if not np.all(np.isfinite(gram)) or values.size < 2 * len(gram):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
     inverse = scaled_inverse(gram)
     return inverse @ (columns @ values), inverse
-
-
-def _require_swing_near(frequency: float, damping_rate: float) -> None:
-    if not np.isfinite(frequency) or abs(damping_rate) > 0.1 * frequency:
-        raise RefusedError("difference: no swing near the nominal period; check instrument/period and the traces")
 
 
 def linear(held: float) -> Expansion:

@@ -24,7 +24,7 @@ REJECTION = 150.0  # dB
 
 
 class Filters(NamedTuple):
-    """Taps over `2 reach + 1` samples; `out[k] = sum_j taps[j] theta[k - reach + j]`."""
+    """Taps over `2 reach + 1` samples."""
 
     low: Floats  # low-pass, gain 1
     curvature: Floats  # theta'' + 2 gamma theta', s-2
@@ -32,16 +32,9 @@ class Filters(NamedTuple):
 
 
 def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
-    """Design both filters; with a notch the curvature's gain is zero at three times the swing, where noise is largest.
+    """Design both filters for a swing of `frequency`, rad s-1, that is sampled six times at least, and gamma1, s-1.
 
-    Parameters
-    ----------
-    frequency : float
-        Circular frequency of the swing, rad s-1.
-    step : float
-        s; six samples a swing at least, so that the third harmonic lies below the Nyquist frequency.
-    damping_rate : float
-        gamma1, s-1.
+    With a notch the curvature's gain is zero at three times the swing, where noise is largest.
     """
     edge = PASS * frequency
     stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
@@ -113,19 +106,10 @@ class Motion:
 def motion(
     observation: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
 ) -> Motion:
-    """Filter the first pendulum.
+    """Filter the first pendulum of a whole observation, exactly about h = `frequency`.
 
-    Parameters
-    ----------
-    observation : Observation
-        Whole.
-    frequency, damping_rate : float
-        h, about which the filters are exact, rad s-1; gamma2, s-1.
-    noise : float
-        White reading noise of the first pendulum, rad (0 where not known).
-    envelope : Envelope, optional
-        Where it is given the swing's third harmonic is computed from it and not read: noise there comes back to the
-        swing nine times as strong, and more of it than of any other.
+    `noise` is its white reading noise, rad (0 where not known). Where an envelope is given the swing's third harmonic
+    is computed from it and not read: noise there comes back to the swing nine times as strong.
     """
     own, ratio = frequency * observation.frequency_ratio, observation.frequency_ratio
     filters = design(own, observation.step, damping_rate + observation.damping_difference, envelope is not None)
@@ -147,6 +131,5 @@ def motion(
 
 def third_harmonic(envelope: Envelope, time: Floats) -> Floats:
     """`-(A^3/192) cos 3 phi` of the first pendulum's swing, a real pendulum's own, at given times; rad."""
-    cube = fill(envelope.first) ** 3 / -192.0
-    slow = np.interp(time, envelope.time, cube.real) + 1j * np.interp(time, envelope.time, cube.imag)
+    slow = np.interp(time, envelope.time, fill(envelope.first) ** 3 / -192.0)
     return np.asarray((slow * np.exp(3j * envelope.carrier * time)).real)

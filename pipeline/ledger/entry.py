@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,13 +48,11 @@ class Entry:
         return " ".join(self.inputs)
 
 
-@dataclass(frozen=True)
-class Change:
-    """What a correction does: gravity after it (m s-2), its 1 sigma (mGal, NaN = not stated), why, and whether it was
-    applied."""
+class Change(NamedTuple):
+    """What a correction does."""
 
-    gravity: float
-    sigma: float
+    gravity: float  # after it, m s-2
+    sigma: float  # 1 sigma, mGal; NaN = not stated
     reason: str
     applied: bool = True
 
@@ -90,7 +89,7 @@ class Case:
 
     @cached_property
     def shares(self) -> Shares:
-        """Parts of the estimate's own correction; found when they are asked for, gravity does not need them."""
+        """Parts of the estimate's own correction; gravity does not need them."""
         return shares(self.estimate, self.prepared)
 
     def mean_over_record(self, series: Floats | float) -> float:
@@ -237,13 +236,7 @@ def turned(prepared: Prepared, phase: Floats) -> float:
 
 
 def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
-    """Mean of a course over the record as it acts on n2, when n2 changes in proportion to it.
-
-    Parameters
-    ----------
-    time, series : (m,) arrays
-        s by the record's clock; the course.
-    """
+    """Mean of a course (m,) at times (m,), s by the record's clock, as it acts on n2, which changes in proportion."""
     seen = prepared.observation
     centre = float(series.mean())
     grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])

@@ -49,25 +49,13 @@ def _span(values: Floats | float) -> str:
 
 
 def eotvos(latitude: Floats | float, speed: Floats | float, course: Floats | float) -> Any:
-    """Correction for the ship's way, to be added to gravity, m s-2.
+    """Correction for the ship's way, to be added to gravity, m s-2, broadcast over numbers or arrays.
 
-    Parameters
-    ----------
-    latitude, course : array_like
-        Degrees; course over ground from north by east.
-    speed : array_like
-        m s-1 over ground, steady, at the sea's surface.
-
-    Returns
-    -------
-    float or array
-        Broadcast over the three.
+    Latitude in degrees; speed over ground, m s-1, steady, at the sea's surface; course in degrees from north by east.
 
     Examples
     --------
-    Four knots east at the equator:
-
-    >>> round(eotvos(0.0, 4 * 1852 / 3600, 90.0) * 1e5, 1)
+    >>> round(eotvos(0.0, 4 * 1852 / 3600, 90.0) * 1e5, 1)  # four knots east at the equator
     30.1
     """
     phi, alpha = np.radians(latitude), np.radians(course)

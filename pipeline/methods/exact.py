@@ -26,12 +26,9 @@ grows with that power of the swing's turn between samples; measured on simulated
 
 def require_clean(prepared: Prepared) -> None:
     """Refuse what the exact identities, which integrate both series, do not take."""
-    seen = prepared.observation
-    if seen.step * prepared.nominal > FINE_ANGLE:
-        raise RefusedError(
-            f"time: {2.0 * np.pi / (seen.step * prepared.nominal):.1f} readings a swing are fewer than eight; "
-            "use --method joint"
-        )
+    angle = prepared.observation.step * prepared.nominal
+    if angle > FINE_ANGLE:
+        raise RefusedError(f"time: {2.0 * np.pi / angle:.1f} readings a swing are fewer than eight; use --method joint")
     prepared.require_whole("theta", "difference", "vertical")
 
 
@@ -45,10 +42,8 @@ def linear_fit(prepared: Prepared) -> Fit:
 def projection(prepared: Prepared) -> Estimate:
     """Fit n2 with n1/n2 held, the damping held where the record states it."""
     require_clean(prepared)
-    rough = prepared.fine
-    fit = linear_fit(prepared)
-    colour = residual_colour(fit, prepared)
-    swing = 0.5 * float(np.vdot(rough.model, rough.model).real) / rough.model.size
+    fit, rough = linear_fit(prepared), prepared.fine.model
+    swing = 0.5 * float(np.vdot(rough, rough).real) / rough.size
     explained = swing / (swing + fit.noise**2)
     if explained < LEAST_EXPLAINED:
         raise RefusedError(
@@ -56,12 +51,12 @@ def projection(prepared: Prepared) -> Estimate:
             "check instrument/period and that the trace is a difference of two pendulums"
         )
     from_theta = prepared.theta_error(prepared.fine_budget.noise_theta, fit.noise)
-    return as_estimate(prepared, fit, colour, from_theta)
+    return as_estimate(prepared, fit, residual_colour(fit, prepared), from_theta)
 
 
 def as_estimate(prepared: Prepared, fit: Fit, colour: float, *others: float, reduced: bool = False) -> Estimate:
     """A fit with the noise of its own residual, coloured as it is, and other parts of its 1 sigma of n2, rad s-1."""
-    own = fit.noise_gain * fit.noise * np.sqrt(max(colour, 1.0))
+    own = float(np.linalg.norm(fit.influence)) * fit.noise * np.sqrt(max(colour, 1.0))
     return Estimate(
         frequency=fit.frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, fit.damping_rate)),
@@ -87,10 +82,7 @@ def residual_colour(fit: Fit, prepared: Prepared) -> float:
 
 
 def shooting(prepared: Prepared) -> Estimate:
-    """Fit n2 with n1/n2 held; vertical acceleration from the record, or none.
-
-    Where the record says `restoring = linear`, the nonlinear identity is the linear one.
-    """
+    """Fit n2 with n1/n2 held; vertical acceleration from the record, or none; of linear pendulums `projection`."""
     if prepared.observation.restoring == "linear":
         return projection(prepared)
     require_clean(prepared)
@@ -100,10 +92,7 @@ def shooting(prepared: Prepared) -> Estimate:
 def invert(prepared: Prepared) -> Estimate:
     """Invert the nonlinear identity; sigma holds the noise of both traces and the numerical error.
 
-    Raises
-    ------
-    RefusedError
-        No swing at the nominal period, outliers, or a heave that is not recorded.
+    `RefusedError`: no swing at the nominal period, outliers, or a heave that is not recorded.
     """
     moved, fit = nonlinear_fit(prepared)
     colour = residual_colour(fit, prepared)

@@ -47,11 +47,8 @@ class Phases:
 def phases(prepared: Prepared, *, through_zero: bool = False) -> Phases:
     """Phase of the difference.
 
-    Raises
-    ------
-    RefusedError
-        Gaps are longer than a window, or the amplitude passes so near zero that its phase means nothing (unless
-        `through_zero`).
+    `RefusedError`: gaps are longer than a window, no swing near the nominal period explains it, or the amplitude
+    passes so near zero that its phase means nothing (unless `through_zero`).
     """
     envelope = prepared.sliding
     require_swing(envelope)
@@ -87,10 +84,8 @@ def uncorrected(prepared: Prepared) -> Estimate:
 
 
 def panteleev(prepared: Prepared) -> Estimate:
-    """Correct by (27) with the damping difference."""
-    found = phases(prepared)
-    # the correction needs n2 to the relative size of n1-n2 only
-    return corrected(prepared, found, {NON_ISOCHRONISM: by_periods(prepared, prepared.fine.frequency)})
+    """Correct by (27) with the damping difference; it needs n2 to the relative size of n1-n2 only."""
+    return corrected(prepared, phases(prepared), {NON_ISOCHRONISM: by_periods(prepared, prepared.fine.frequency)})
 
 
 def complex_form(prepared: Prepared) -> Estimate:
@@ -110,11 +105,7 @@ def vening_meinesz(prepared: Prepared) -> Estimate:
     """Read (9) at minute marks with the raw first pendulum, join the readings by straight lines, integrate and regress.
 
     It is the method of the 1930s and keeps its fault: the slow motion psi1 leaks into a1 and phi1 as (14) shows.
-
-    Raises
-    ------
-    RefusedError
-        As `phases`; or the pendulums are identical: no fictitious one is to be formed of them, (3).
+    `RefusedError` also where the pendulums are identical: no fictitious one is to be formed of them, (3).
     """
     if abs(prepared.observation.frequency_ratio - 1.0) < IDENTICAL:
         raise RefusedError(
@@ -122,17 +113,14 @@ def vening_meinesz(prepared: Prepared) -> Estimate:
             "use the method uncorrected, or joint"
         )
     found = phases(prepared)
-    envelope, seen = found.envelope, prepared.observation
-    frequency = prepared.fine.frequency
-    every = max(1, round(MARK_SECONDS / envelope.hop))
-    marks = np.arange(0, envelope.time.size, every)
-    marks = marks[np.isfinite(envelope.difference[marks])]
-    first_frequency = seen.frequency_ratio * frequency
-    value, slope = value_and_slope(seen.time, seen.theta, envelope.time[marks])
+    envelope, seen, frequency = found.envelope, prepared.observation, prepared.fine.frequency
+    marks = np.arange(0, envelope.time.size, max(1, round(MARK_SECONDS / envelope.hop)))
+    time, first_frequency = envelope.time[marks], seen.frequency_ratio * frequency
+    value, slope = value_and_slope(seen.time, seen.theta, time)
     raw = value - 1j * slope / first_frequency  # (4)
-    difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * envelope.time[marks])
+    difference = envelope.difference[marks] * np.exp(1j * envelope.carrier * time)
     reading = phase_speed(first_frequency, frequency, np.abs(raw), np.abs(difference), np.angle(raw / difference))
-    speed = np.interp(envelope.time, envelope.time[marks], reading - frequency)
+    speed = np.interp(envelope.time, time, reading - frequency)
     return corrected(prepared, found, {NON_ISOCHRONISM: integrated(speed, envelope.hop)})
 
 
@@ -182,13 +170,7 @@ def general(prepared: Prepared) -> Estimate:
 
 
 def corrected(prepared: Prepared, found: Phases, shifts: Mapping[str, Floats]) -> Estimate:
-    """Take integrated corrections off the phase, and regress.
-
-    Parameters
-    ----------
-    shifts : mapping
-        By `correction.PARTS`: (k,) rad.
-    """
+    """Take integrated corrections, (k,) rad by `correction.PARTS`, off the phase, and regress."""
     envelope, weight, time = found.envelope, found.weight, found.envelope.time
     residual = found.phase - sum(shifts.values())
     slope = regression(time, residual, weight)
@@ -211,12 +193,8 @@ def with_noise(
 ) -> Estimate:
     """An estimate with its error budget.
 
-    Parameters
-    ----------
-    squares : (k,) array
-        |residual|^2 of the envelope, rad2, NaN = not used.
-    oscillation, uncorrected_slope : float
-        Damped n2; slope of the phase before any correction, less the carrier, rad s-1.
+    `squares` (k,) are |residual|^2 of the envelope, rad2, NaN = not used; `oscillation` is the damped n2 and
+    `uncorrected_slope` that of the phase before any correction, less the carrier, rad s-1.
     """
     envelope, gamma, shared = prepared.sliding, prepared.fine.damping_rate, prepared.fine_budget
     whole = np.isfinite(squares) & (envelope.coverage >= WHOLE)

@@ -28,12 +28,7 @@ LAWS = ("viscous", "quadratic", "knife-edge")
 
 
 def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
-    """T(A)/T(0) = (2/pi) K(sin(A/2)).
-
-    Parameters
-    ----------
-    amplitude : array_like
-        Greatest angle from the rest position, rad, 0 <= A < pi.
+    """T(A)/T(0) = (2/pi) K(sin(A/2)) of the greatest angle from the rest position, rad, 0 <= A < pi.
 
     Examples
     --------
@@ -56,24 +51,16 @@ class Cycles:
 
 
 def find_cycles(time: Floats, theta: Floats) -> Cycles:
-    """Find crossings and turning points by local polynomial fits.
+    """Find crossings and turning points of theta (n,), rad, NaN = missing, at any times (n,), s, by local polynomials.
 
     `RefusedError`: fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
-
-    Parameters
-    ----------
-    time : (n,) array
-        Strictly increasing, s.
-    theta : (n,) array
-        rad, NaN = missing; need not be uniform.
     """
     present = np.isfinite(theta)
     time, theta = time[present], theta[present]
     if theta.size < LEAST_READINGS:
         raise RefusedError(f"record/elongation: {theta.size} readings are too few for a period; give more than 30")
     rest = 0.5 * float(np.quantile(theta, 0.99) + np.quantile(theta, 0.01))
-    signs = _signs(theta - rest)
-    up = np.flatnonzero((signs[1:] > 0) & (signs[:-1] < 0))
+    up, _ = _changes(theta - rest)
     if up.size < LEAST_CYCLES + 1:
         raise RefusedError(
             f"record/elongation: only {max(up.size - 1, 0)} whole swings found; a period needs at least {LEAST_CYCLES}"
@@ -83,30 +70,21 @@ def find_cycles(time: Floats, theta: Floats) -> Cycles:
         raise RefusedError(
             f"time: fewer than {LEAST_SAMPLES} samples a swing; a single pendulum's period needs denser readings"
         )
-    rest = _rest_position(time, theta, rest, period)
-    signs = _signs(theta - rest)
-    rising = _crossings(time, theta - rest, np.flatnonzero((signs[1:] > 0) & (signs[:-1] < 0)), period)
-    falling = _crossings(time, theta - rest, np.flatnonzero((signs[1:] < 0) & (signs[:-1] > 0)), period)
+    _, turning = _turning_points(time, theta, time[np.sort(np.concatenate(_changes(theta - rest)))], period)
+    if turning.size >= 3:  # halves of successive extremes cancel under slow decay by (1, 2, 1) weights
+        rest = float(np.median(0.25 * (turning[:-2] + 2.0 * turning[1:-1] + turning[2:])))
+    rising, falling = (_crossings(time, theta - rest, near, period) for near in _changes(theta - rest))
     turning_time, turning = _turning_points(time, theta, np.sort(np.concatenate([rising, falling])), period)
     return Cycles(rising, falling, turning_time, turning - rest, rest, period)
 
 
-def _signs(values: Floats) -> Floats:
-    """Sign with hysteresis of 5 % of the local swing, so that noise about zero makes no crossing."""
+def _changes(values: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """Where the sign rises and falls, with hysteresis of 5 % of the swing, so that noise about zero does not."""
     threshold = 0.05 * float(np.quantile(np.abs(values), 0.5))
     signs = np.where(values > threshold, 1.0, np.where(values < -threshold, -1.0, 0.0))
-    last = np.maximum.accumulate(np.where(signs != 0.0, np.arange(signs.size), 0))
-    return np.asarray(signs[last])
-
-
-def _rest_position(time: Floats, theta: Floats, rest: float, period: float) -> float:
-    """Mean of successive maxima and minima: a_max - a_min halves cancel under slow decay by (1, 2, 1) weights."""
-    signs = _signs(theta - rest)
-    near = np.sort(np.flatnonzero(signs[1:] * signs[:-1] < 0))
-    _, turning = _turning_points(time, theta, time[near], period)
-    if turning.size < 3:
-        return rest
-    return float(np.median(0.25 * (turning[:-2] + 2.0 * turning[1:-1] + turning[2:])))
+    signs = signs[np.maximum.accumulate(np.where(signs != 0.0, np.arange(signs.size), 0))]
+    before, after = signs[:-1], signs[1:]
+    return np.flatnonzero((after > 0) & (before < 0)), np.flatnonzero((after < 0) & (before > 0))
 
 
 def _about(time: Floats, values: Floats, centre: float, period: float) -> tuple[Floats, Floats]:
@@ -167,14 +145,9 @@ class Decay:
 
 
 def decay(time: Floats, amplitude: Floats, smooth: Floats, period: float) -> Decay:
-    """Laws of friction by the likelihood of the turning points.
+    """Laws of friction by the likelihood of the turning points' amplitudes (m,), rad, at times (m,), s.
 
-    Parameters
-    ----------
-    time, amplitude, smooth : (m,) arrays
-        Of successive turning points, s and rad; the amplitude smoothed, from which losses follow.
-    period : float
-        s.
+    Losses follow from the smoothed amplitudes (m,).
     """
     from scipy.optimize import nnls
 

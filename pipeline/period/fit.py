@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -51,15 +52,9 @@ class PeriodFit:
 
 
 def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float = SCALE) -> PeriodFit:
-    """Fit the finite-arc law to the crossings.
+    """Fit the finite-arc law to the crossings; none where the restoring force is `linear`.
 
-    Parameters
-    ----------
-    cycles : Cycles
-    linear : bool
-        The restoring force is linear: no arc factor.
-    scale_uncertainty : float
-        Relative, 1 sigma, of the scale of the angles.
+    `scale_uncertainty` is relative, 1 sigma, of the scale of the angles.
     """
     extremes = smooth_extremes(cycles)
 
@@ -76,10 +71,10 @@ def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float
     reduced = length / mean_factor
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
     friction = decay(extremes.time, np.abs(cycles.turning), extremes.size, cycles.rough_period)
-    prior = max(scale_uncertainty, 1e-9)
-    period, scale, drift, sigma = _regress(cycles, extremes, factor, friction.dry, prior)
+    period, scale, drift, sigma = _regress(cycles, extremes, factor, friction.dry, max(scale_uncertainty, 1e-9))
     window = np.ones(min(SMOOTHING, length.size))
-    smooth_reduced = _running_mean(np.where(whole, reduced, np.nan), window)
+    present, count = (np.convolve(each, window, mode="same") for each in (np.where(whole, reduced, 0.0), 1.0 * whole))
+    smooth_reduced = present / np.maximum(count, 1.0)
     return PeriodFit(
         period=period, sigma=sigma[PERIOD], amplitude_scale=scale, amplitude_scale_sigma=sigma[SCALED],
         scaled=not linear and abs(scale) > max(SIGNIFICANT * sigma[SCALED], LEAST_SCALE),
@@ -166,8 +161,7 @@ def _solved(matrix: Floats, value: Floats, weight: Floats, known: tuple[Floats, 
     return np.asarray(np.linalg.lstsq(rows / size, right, rcond=None)[0] / size)
 
 
-@dataclass(frozen=True)
-class Extremes:
+class Extremes(NamedTuple):
     """Turning points: time (s), smoothed amplitude and noise of a single one (rad)."""
 
     time: Floats
@@ -197,10 +191,3 @@ def _colour(residual: Floats) -> float:
     rho = float(residual[1:] @ residual[:-1] / (residual @ residual)) if np.any(residual) else 0.0
     rho = float(np.clip(rho, 0.0, 0.98))
     return (1.0 + rho) / (1.0 - rho)
-
-
-def _running_mean(values: Floats, window: Floats) -> Floats:
-    present = np.isfinite(values)
-    total = np.convolve(np.where(present, values, 0.0), window, mode="same")
-    count = np.convolve(present.astype(np.float64), window, mode="same")
-    return np.asarray(total / np.maximum(count, 1.0))

@@ -49,22 +49,21 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
 
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)
     elongation = np.asarray(record["record"].dataset["elongation"].values[0], dtype=np.float64)
-    instrument = record["instrument"] if "instrument" in record.children else None
-    linear = instrument is not None and instrument.attrs.get("restoring") == "linear"
-    stated = {} if instrument is None else {name: each.values for name, each in instrument.dataset.data_vars.items()}
+    instrument = record["instrument"].dataset if "instrument" in record.children else Dataset()
+    linear = instrument.attrs.get("restoring") == "linear"
+    stated = {name: each.values for name, each in instrument.data_vars.items()}
     scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
     fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
     true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
     rates = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY, *clock_of(record).values()
     sigma = float(np.linalg.norm([fit.sigma, *(fit.period * rate for rate in rates)])) * true
-    flags = ["single-trace", *raised]
-    if fit.scaled:
-        flags.append("amplitude-scale")
-    if "length" in stated and "length_uncertainty" not in stated:
-        flags.append("correction-without-uncertainty")
-    if fit.trend > TREND:
-        flags.append("period-trend")
-    scalars: dict[str, Any] = {
+    found = {
+        "amplitude-scale": fit.scaled,
+        "correction-without-uncertainty": "length" in stated and "length_uncertainty" not in stated,
+        "period-trend": fit.trend > TREND,
+    }
+    flags = ["single-trace", *raised, *(name for name, raises in found.items() if raises)]
+    values: dict[str, Any] = {
         "period": fit.period * true,
         "period_sigma": sigma,
         "rest_position": fit.rest,
@@ -78,15 +77,13 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
         **_gravity(fit.period * true, sigma, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
-    }
-    series: dict[str, Any] = {
+        "flag": np.array(flags, dtype=object),
         "cycle_time": fit.time + time[0],
         "amplitude": fit.amplitude,
         "cycle_period": fit.cycle_period,
         "cycle_period_smoothed": fit.smoothed,
         "cycle_period_infinitesimal": fit.reduced,
     }
-    values = scalars | series | {"flag": np.array(flags, dtype=object)}
     root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
     tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
     trace = str(record["record"].dataset["trace"].values[0])

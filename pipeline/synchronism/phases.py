@@ -35,14 +35,9 @@ class Phases(NamedTuple):
 
 
 def phases(time: Floats, elongation: Floats) -> Phases:
-    """Follow the phases of pendulums; `RefusedError` if one does not swing, for too few swings or readings.
+    """Follow the phases of pendulums by elongations (pendulums, n), rad, NaN = missing, at times (n,), s, from 0 on.
 
-    Parameters
-    ----------
-    time : (n,) array
-        s, increasing, evenly or not; begins at 0.
-    elongation : (pendulums, n) array
-        rad, NaN = missing.
+    `RefusedError` if one does not swing, for too few swings or readings.
 
     Examples
     --------
@@ -62,7 +57,10 @@ def phases(time: Floats, elongation: Floats) -> Phases:
     centres = np.arange(0.5 * window, duration - 0.5 * window + 0.25 * period, period)
     rows = [_followed(time, row, centres, window, each) for row, each in zip(elongation, start, strict=True)]
     turned = np.stack([row[0] for row in rows])
-    mean = np.array([_slope(centres, each) for each in turned])
+    known = np.isfinite(turned)
+    if known.sum(axis=1).min() < 2:
+        raise RefusedError("synchrony: a pendulum was hardly read; leave its trace out")
+    mean = np.array([np.polyfit(centres[at], each[at], 1)[0] for at, each in zip(known, turned, strict=True)])
     return Phases(centres, turned, np.stack([row[1] for row in rows]), np.stack([row[2] for row in rows]), mean, window)
 
 
@@ -120,13 +118,6 @@ def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[c
     return complex(parts[0], -parts[1]), float(np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1])))
 
 
-def _slope(time: Floats, values: Floats) -> float:
-    present = np.isfinite(values)
-    if present.sum() < 2:
-        raise RefusedError("synchrony: a pendulum was hardly read; leave its trace out")
-    return float(np.polyfit(time[present], values[present], 1)[0])
-
-
 class Beam(NamedTuple):
     """Motion of the support at a multiple of the clocks' frequency."""
 
@@ -138,20 +129,9 @@ class Beam(NamedTuple):
 def beam(
     time: Floats, accelerations: Mapping[str, Floats], frequency: float, amplitude: Floats, since: float
 ) -> Beam | None:
-    """The larger of what the recorded accelerations show, None if none was recorded.
+    """The larger of what the accelerations (n,), m s-2, by their names in the record show; None if none was recorded.
 
-    Parameters
-    ----------
-    time : (n,) array
-        s.
-    accelerations : mapping of str to (n,) array
-        As in the record, m s-2; NaN = missing.
-    frequency : float
-        Of the clocks, rad/s.
-    amplitude : (clocks,) array
-        Mean, rad.
-    since : float
-        Time from which the motion counts, s.
+    `frequency`, rad/s, and mean amplitudes (clocks,), rad, are the clocks'; motion counts from the time `since` on, s.
     """
     found = []
     for name, multiple in _MULTIPLES.items():

@@ -16,12 +16,14 @@ from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present
 from pipeline.flags import of_film
+from pipeline.gravity import DAY
 from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
 from pipeline.synchronism.phases import Phases, beam, phases
-from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, instantaneous, judge, mean_rate
+from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, block_slope, judge
 
-_LEAST_INSTANTS = 16
+_LEAST_INSTANTS, _RATE_BLOCKS = 16, 16
+_A_DAY = DAY / (2.0 * math.pi)  # swings a day in a rad s-1
 UNSURE = 0.95
 _SUMMED = {
     "confidence": "confidence", "angle_rad": "locked_angle", "angle_sigma_rad": "locked_angle_sigma",
@@ -95,17 +97,24 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
             said = f"{labels[one]} and {labels[two]} were read together in {known} swings"
             raise RefusedError(f"synchrony: {said}; a verdict needs {_LEAST_INSTANTS}")
         verdict = judge(seen.time, psi, sigma)
-        mean, mean_sigma = mean_rate(seen.time, psi)
+        mean, mean_sigma = block_slope(seen.time, psi, _RATE_BLOCKS)  # holds for the steps of slips too
         slips += [(when + start, name) for when in verdict.slips]
-        rates = {"mean_rate_difference": mean, "mean_rate_difference_sigma": mean_sigma}
-        locked = {"locked_angle": verdict.angle, "locked_angle_sigma": verdict.angle_sigma}
-        locked["lock_time"] = verdict.lock_time + start + float(seen.time[0])  # counted from the first instant
-        ratio = float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two]))
         rows.append(
-            {"pair": name, "phase_difference": psi, "phase_difference_sigma": sigma}
-            | {"rate_difference": instantaneous(seen.time, psi), **rates}
-            | {"verdict": verdict.state, "confidence": verdict.confidence, **locked}
-            | {"slips": float(len(verdict.slips)), "amplitude_ratio": ratio}
+            {
+                "pair": name,
+                "phase_difference": psi,
+                "phase_difference_sigma": sigma,
+                "rate_difference": np.gradient(psi, seen.time) * _A_DAY,
+                "mean_rate_difference": mean * _A_DAY,
+                "mean_rate_difference_sigma": mean_sigma * _A_DAY,
+                "verdict": verdict.state,
+                "confidence": verdict.confidence,
+                "locked_angle": verdict.angle,
+                "locked_angle_sigma": verdict.angle_sigma,
+                "lock_time": verdict.lock_time + start + float(seen.time[0]),  # counted from the first instant
+                "slips": float(len(verdict.slips)),
+                "amplitude_ratio": float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two])),
+            }
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}

@@ -15,11 +15,9 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from pipeline.arrays import Floats
-from pipeline.gravity import DAY
 
 _LEAST = 8
 REMEDY = "install allantools, as with pip install 'isochrony[clocks]'"
-_RATE_BLOCKS = 16
 VERDICTS = ("in phase", "antiphase", "quadrature", "other angle", "drifting", "intermittent")
 ANGLE = math.radians(15.0)  # Locked angles nearer than this to 0, pi and +-pi/2 bear these names
 STEADY = 0.15  # rad: what psi may move in half a record and count as locked; slower drift cannot be told from settling
@@ -35,21 +33,10 @@ def available() -> bool:
 
 
 def allan_deviation(time: Floats, phase: Floats) -> tuple[Floats, Floats]:
-    """Overlapping Allan deviation of clocks.
+    """Overlapping Allan deviation of clocks; `UsageError` if allantools is not installed.
 
-    `UsageError` if allantools is not installed.
-
-    Parameters
-    ----------
-    time : (k,) array
-        Evenly spaced, s.
-    phase : (clocks, k) array
-        Unwrapped, rad; NaN = missing. The longest stretch without a gap in any clock is used.
-
-    Returns
-    -------
-    averaging_time : (m,) s, one octave apart
-    deviation : (clocks, m), relative rate
+    Of phases (clocks, k), rad, unwrapped, at evenly spaced times (k,), s, the longest stretch without a gap in any
+    clock is used. Returns averaging times (m,), s, one octave apart, and deviations (clocks, m) of the relative rate.
     """
     if not available():
         raise UsageError(f"the Allan deviation needs allantools; {REMEDY}")
@@ -79,20 +66,6 @@ def _longest(known: np.ndarray) -> slice:
     return slice(int(starts[best]), int(ends[best]))
 
 
-def instantaneous(time: Floats, psi: Floats) -> Floats:
-    """Rate difference at each instant, swings a day; NaN beside what is missing."""
-    return np.asarray(np.gradient(psi, time) * (DAY / _TWO_PI))
-
-
-def mean_rate(time: Floats, psi: Floats) -> tuple[float, float]:
-    """Mean rate difference over the record and one sigma, swings a day.
-
-    It holds for the steps of slips too.
-    """
-    slope, sigma = block_slope(time, psi, _RATE_BLOCKS)
-    return slope * DAY / _TWO_PI, sigma * DAY / _TWO_PI
-
-
 def block_slope(time: Floats, values: Floats, blocks: int) -> tuple[float, float]:
     """Slope and one sigma of it: least squares through means of blocks, whose scatter gives the sigma.
 
@@ -118,12 +91,7 @@ class Verdict(NamedTuple):
 
 
 def judge(time: Floats, psi: Floats, sigma: Floats) -> Verdict:
-    """Judge the phase difference of two clocks.
-
-    Parameters
-    ----------
-    time, psi, sigma : (k,) arrays
-        s, rad unwrapped, rad; NaN = missing. At least 8 known.
+    """Judge the phase difference of two clocks, (k,) rad unwrapped with its sigma; NaN = missing, 8 known at least.
 
     Examples
     --------
@@ -190,7 +158,9 @@ def _locked(
 
 
 def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float, ...]) -> Verdict:
-    whole = _whole_turns(psi)
+    turns, whole = math.floor(abs(psi[-1] - psi[0]) / _TWO_PI), psi
+    if turns:  # from the end back: a part of a turn would look like a rest
+        whole = psi[np.flatnonzero(np.abs(psi[-1] - psi) >= turns * _TWO_PI)[-1] :]
     rests = [complex(np.exp(1j * order * whole).mean()) for order in (1, 2)]
     if len(slips) and max(abs(each) for each in rests) >= RESTING:
         order = 1 if abs(rests[0]) >= RESTING else 2
@@ -202,15 +172,6 @@ def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float,
     if slips:
         certain = min(certain, _sure(RESTING - max(map(abs, rests)), 0.3 / math.sqrt(len(slips))))
     return Verdict("drifting", certain, math.nan, math.nan, math.nan, slips)
-
-
-def _whole_turns(psi: Floats) -> Floats:
-    """As much of psi from the end back as makes whole turns: a part of one would look like a rest."""
-    turns = math.floor(abs(psi[-1] - psi[0]) / _TWO_PI)
-    if turns == 0:
-        return psi
-    begun = np.flatnonzero(np.abs(psi[-1] - psi) >= turns * _TWO_PI)
-    return psi[begun[-1] :]
 
 
 def _sure(margin: float, sigma: float) -> float:

@@ -15,9 +15,9 @@ from batch_parts import METHODS, config_of
 from data_schemas.errors import FileError
 from pipeline.batch import campaign, warming
 from pipeline.batch.campaign import Tally
-from pipeline.batch.executors.pool import serial
-from pipeline.batch.ledger import Ledger
-from pipeline.batch.log import NAME, Log
+from pipeline.batch.executors import serial
+from pipeline.batch.ledger import LOG as NAME
+from pipeline.batch.ledger import Ledger, Log
 
 
 def test_progress_and_log_tell_of_every_input(small, out):

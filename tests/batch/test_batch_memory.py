@@ -14,9 +14,8 @@ from batch_parts import METHODS, config_of
 from pipeline.batch import campaign
 from pipeline.batch.campaign import Tally
 from pipeline.batch.config import Kind, Outcome
-from pipeline.batch.executors.isolated import Isolated
-from pipeline.batch.ledger import Ledger
-from pipeline.batch.log import Log
+from pipeline.batch.executors import Isolated
+from pipeline.batch.ledger import Ledger, Log
 from pipeline.cli.batch_kinds import read_record
 
 pytestmark = [

@@ -16,9 +16,9 @@ import pytest
 from batch_parts import METHODS, alike, config_of, numbers_of
 
 from data_schemas.errors import UsageError
-from pipeline.batch.executors import cluster
-from pipeline.batch.executors.cluster import clustered
-from pipeline.batch.executors.pool import serial
+from pipeline.batch import cluster
+from pipeline.batch.cluster import clustered
+from pipeline.batch.executors import serial
 
 distributed = pytest.importorskip("distributed")  # before any test could have changed what is imported
 
@@ -72,7 +72,7 @@ def test_a_local_cluster(small, tmp_path, out, monkeypatch, request):
     with LocalCluster(**settings, local_directory=str(tmp_path / "dask")) as local:
         check(local.scheduler_address, small, tmp_path, out, ["good", "crash", "good", "good", "good"])
         odd = config_of(out, "odd")
-        monkeypatch.setattr("pipeline.batch.executors.cluster._process_isolated", lost)
+        monkeypatch.setattr("pipeline.batch.cluster._process_isolated", lost)
         coming = clustered([(small, odd)], address=local.scheduler_address, methods=METHODS, timeout=20.0)
         ((one,),) = coming
         assert one.error_class == "WorkerLost"

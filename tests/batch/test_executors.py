@@ -18,12 +18,10 @@ import pytest
 from batch_parts import METHODS, POISON, alike, config_of, numbers_of, write_record
 from pebble import ProcessExpired
 
+from pipeline.batch import executors as isolated
 from pipeline.batch import warming
 from pipeline.batch.config import Kind, Outcome
-from pipeline.batch.executors import isolated
-from pipeline.batch.executors import pool as module
-from pipeline.batch.executors.isolated import Isolated
-from pipeline.batch.executors.pool import pooled, serial
+from pipeline.batch.executors import Isolated, pooled, serial
 from pipeline.batch.record import process_record
 
 FAULTS = {"crash": "Crashed", "leave": "Crashed", "hang": "TimedOut", "greedy": "MemoryError", "cut": "FileError"}
@@ -145,7 +143,7 @@ def test_a_process_that_vanishes_is_replaced_and_the_record_begun_again(small, o
 def test_a_record_whose_processes_all_vanish_is_given_up(small, out, monkeypatch, future, told):
     monkeypatch.setattr(isolated, "ProcessPool", Pools(*[future] * isolated.ATTEMPTS))
     monkeypatch.setattr(isolated, "_START", 0.0)
-    monkeypatch.setattr(module, "LOOK", 0.01)
+    monkeypatch.setattr(isolated, "LOOK", 0.01)
     ((outcome,),) = pooled([(small, config_of(out, "a"))], workers=1, methods=METHODS, timeout=0.02)
     assert outcome.error_class == "WorkerLost"
     assert f"3 processes in turn {told}" in outcome.error

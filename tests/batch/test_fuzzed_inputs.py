@@ -11,7 +11,7 @@ from batch_parts import METHODS, config_of, write_record
 import synth
 from data_schemas.errors import IsochronyError
 from pipeline.batch.config import Kind
-from pipeline.batch.executors.isolated import Isolated
+from pipeline.batch.executors import Isolated
 from pipeline.cli.batch_kinds import digitise_film, read_record, simulate_scene
 from pipeline.importing.record import import_csv
 

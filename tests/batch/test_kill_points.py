@@ -21,12 +21,11 @@ from batch_parts import METHODS, alike, config_of, numbers_of, write_record
 import data_schemas
 from data_schemas import encoding, writing
 from pipeline.batch import campaign, ledger, summary
+from pipeline.batch import executors as isolated
 from pipeline.batch.campaign import Tally, remove_leftovers
 from pipeline.batch.config import owner_of
-from pipeline.batch.executors import isolated
-from pipeline.batch.executors.pool import pooled, serial
-from pipeline.batch.ledger import Index, Ledger
-from pipeline.batch.log import Log
+from pipeline.batch.executors import pooled, serial
+from pipeline.batch.ledger import Index, Ledger, Log
 from pipeline.batch.summary import NAMES, write_summary
 
 fcntl = pytest.importorskip("fcntl")

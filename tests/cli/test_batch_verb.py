@@ -320,8 +320,8 @@ def test_a_scene_as_it_is_is_that_of_simulate_and_process(run, tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("words", "where", "wanted"),
     [
-        (["--jobs", "7"], "pool.pooled", {"workers": 3, "timeout": 600.0}),
-        ([], "pool.pooled", {"workers": min(processors(), 3), "timeout": 600.0}),
+        (["--jobs", "7"], "executors.pooled", {"workers": 3, "timeout": 600.0}),
+        ([], "executors.pooled", {"workers": min(processors(), 3), "timeout": 600.0}),
         (["--scheduler", "tcp://x:1", "--timeout", "5"], "cluster.clustered", {"address": "tcp://x:1", "timeout": 5.0}),
     ],
 )
@@ -334,7 +334,7 @@ def test_who_does_the_work(run, cruises, monkeypatch, words, where, wanted):
             assert config.memory == 100 << 20
             yield [failure(config.key, "Crashed", "it; died")]
 
-    monkeypatch.setattr(f"pipeline.batch.executors.{where}", work)
+    monkeypatch.setattr(f"pipeline.batch.{where}", work)
     outcome = run("batch", "cruises", "-o", "out", "--method", "projection", "--memory", "100", *words)
     assert outcome.status == 3
     assert seen.items() >= {"methods": ("projection",), **wanted}.items()
@@ -342,7 +342,7 @@ def test_who_does_the_work(run, cruises, monkeypatch, words, where, wanted):
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupt_keeps_what_is_done(run, cruises, monkeypatch, number, status):
-    from pipeline.batch.executors import pool as module
+    from pipeline.batch import executors as module
 
     process = module.process_record
 

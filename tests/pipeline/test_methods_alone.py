@@ -124,7 +124,7 @@ def test_the_complex_form_alone_goes_through_zero() -> None:
 
 @pytest.mark.parametrize("colour", [0.2, 1.0, 4.0])
 def test_less_than_white_noise_is_taken_for_white(colour: float) -> None:
-    fit: Any = SimpleNamespace(noise_gain=0.5, noise=2e-6, frequency=N, damping_rate=DAMPING, residual=np.zeros(7))
+    fit: Any = SimpleNamespace(influence=[0.5], noise=2e-6, frequency=N, damping_rate=DAMPING, residual=np.zeros(7))
     made: Any = SimpleNamespace(nominal=6.0, fine=SimpleNamespace(slope=0.1))
     found = as_estimate(made, fit, colour, 3e-6, 4e-6, reduced=True)
     assert found.sigma == pytest.approx(np.sqrt(25.0 + max(colour, 1.0)) * 1e-6)

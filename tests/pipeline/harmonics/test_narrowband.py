@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from exact_pair import N2, Pair, swell
 
-from pipeline.estimate import budget
 from pipeline.harmonics.envelope import Envelope, sliding_envelope
 from pipeline.harmonics.narrowband import (
-    ComplexForm,
     NarrowbandFit,
-    complex_form,
+    budget,
     fit_narrowband,
     phase_slope,
     regression,
@@ -35,15 +34,16 @@ def envelopes(pair: Pair) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def fit(pair: Pair, known_damping: bool = True, **changes: Any) -> NarrowbandFit:
-    form = ComplexForm(
-        TIME,
-        *envelopes(pair),
-        np.ones(TIME.size),
-        CARRIER,
-        pair.frequency[0] / pair.frequency[1],
-        pair.damping[0] - pair.damping[1],
+    difference, first, speed = envelopes(pair)
+    series = {"difference": difference, "first": first, "first_speed": speed, "coverage": np.ones(TIME.size)}
+    constants = {
+        "ratio": pair.frequency[0] / pair.frequency[1],
+        "damping_difference": pair.damping[0] - pair.damping[1],
+    }
+    envelope: Any = SimpleNamespace(
+        time=TIME, hop=HOP, carrier=CARRIER, **{name: changes.pop(name, each) for name, each in series.items()}
     )
-    return fit_narrowband(replace(form, **changes), pair.damping[1] if known_damping else None)
+    return fit_narrowband(envelope, **constants | changes, damping_rate=pair.damping[1] if known_damping else None)
 
 
 def relative(found: NarrowbandFit, pair: Pair) -> float:
@@ -96,7 +96,7 @@ def test_missing_instants_have_no_weight() -> None:
     weight[40:90] = 0.0
     weight[120:125] = 0.0
     broken = np.where(weight > 0.0, difference, 7.0)  # must not be looked at
-    found = fit(pair, difference=broken, weight=weight)
+    found = fit(pair, difference=broken, coverage=weight)
     assert abs(relative(found, pair)) < 1e-6
     # the model bridges them all the same
     assert np.abs(found.model - difference).max() < 1e-9
@@ -190,8 +190,7 @@ def _apart(pair: Pair) -> float:
 
 
 def _fit(e: Envelope, pair: Pair, known: bool) -> NarrowbandFit:
-    form = complex_form(e, pair.frequency[0] / pair.frequency[1], _apart(pair))
-    return fit_narrowband(form, pair.damping[1] if known else None)
+    return fit_narrowband(e, pair.frequency[0] / pair.frequency[1], _apart(pair), pair.damping[1] if known else None)
 
 
 @pytest.mark.parametrize("gaps", [False, True])

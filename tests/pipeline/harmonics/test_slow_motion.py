@@ -133,7 +133,7 @@ def test_influence_is_what_a_sample_does() -> None:
 
 def test_windows_with_too_little_in_them_have_no_value() -> None:
     """Less than the least share of the weight, or fewer samples than twice the terms."""
-    basis, weight = window(20, 0.1, N)
+    basis, weight, taps = window(20, 0.1, N)
     series = np.cos(N * 0.1 * np.arange(200)) + 0.2
     order = np.argsort(-weight)
     share = np.cumsum(weight[order]) / weight.sum()
@@ -141,21 +141,21 @@ def test_windows_with_too_little_in_them_have_no_value() -> None:
     for missing, valued in ((most, True), (most + 1, False)):
         broken = series[: basis.shape[0]].copy()
         broken[order[:missing]] = np.nan
-        fit, coverage = fit_windows(broken, basis, weight, 10)
+        fit, coverage = fit_windows(broken, basis, weight, taps, 10)
         assert np.isfinite(fit[:, 0]).all() == valued
         assert coverage[0] == pytest.approx(1.0 - share[missing - 1])
-    whole, coverage = fit_windows(series, basis, weight, 7)
+    whole, coverage = fit_windows(series, basis, weight, taps, 7)
     assert coverage.tolist() == [1.0] * whole.shape[1] == [1.0] * ((200 - 41) // 7 + 1)
     for k in range(whole.shape[1]):
         direct = weighted_inverse(basis, weight)[:6] @ series[7 * k : 7 * k + 41]
         np.testing.assert_allclose(whole[:, k], direct, atol=1e-12)
-    short_basis, short_weight = window(8, 0.1, N)
+    short = window(8, 0.1, N)
     few = series[:17].copy()
     few[[0, 16]] = np.nan
-    assert np.isnan(fit_windows(few, short_basis, short_weight, 1)[0]).all()
+    assert np.isnan(fit_windows(few, *short, 1)[0]).all()
     few = series[:17].copy()
     few[0] = np.nan
-    assert np.isfinite(fit_windows(few, short_basis, short_weight, 1)[0]).all()
+    assert np.isfinite(fit_windows(few, *short, 1)[0]).all()
 
 
 def test_the_share_is_missing_where_either_is() -> None:

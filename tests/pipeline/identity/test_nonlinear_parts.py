@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dtbtrs
 
 from pipeline.harmonics.envelope import sliding_envelope
-from pipeline.identity.fit import Fit, system
+from pipeline.identity.fit import Fit
 from pipeline.identity.motion import SWELL, Motion, design, motion, third_harmonic
 from pipeline.methods.exact import invert, nonlinear_fit
 from pipeline.prepared import Prepared, prepare
@@ -95,7 +95,7 @@ def test_system_solves_the_linear_equation() -> None:
 
     rows = slice(0, 1500, 100)
     found = solve_ivp(rates, (0.0, 60.0), [1.0, 0.0], "DOP853", time[:1500], rtol=1e-9, atol=1e-12, max_step=0.04).y[0]
-    matrix = system(fit.weights, fit.stiffness)
+    matrix = fit.weights.system(fit.stiffness)
     start = np.zeros(fit.model.size)
     start[0], start[1] = found[0] * matrix[0, 0], found[1] * matrix[0, 1] + found[0] * matrix[1, 0]
     # the taps of a tangent are two: its phase drifts by some 2e-5 rad a second in this motion
@@ -122,7 +122,7 @@ def test_influence_of_both_traces_is_the_change_they_make() -> None:
 def test_adjoint_is_the_transpose_of_the_response() -> None:
     _, _, fit = fitted()
     right = np.random.default_rng(5).normal(size=fit.model.size)
-    response = dtbtrs(system(fit.weights, fit.stiffness), right, uplo="L")[0]
+    response = dtbtrs(fit.weights.system(fit.stiffness), right, uplo="L")[0]
     assert fit.adjoint @ right == pytest.approx(fit.influence @ response, rel=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""An existing dask.distributed cluster, by the address of its scheduler.
+"""An existing dask.distributed cluster, by the address of its scheduler: an executor as those of `executors`.
 
 Every thread of a dask worker keeps an isolated process of its own, so that a record that crashes, hangs or fills the
 memory ends that process and never the worker: dask would lay its death to the charge of whatever else was there, and
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
 from pipeline.batch.config import Config, Outcome, failure
-from pipeline.batch.executors.isolated import Isolated
+from pipeline.batch.executors import Isolated
 
 if TYPE_CHECKING:
     from distributed import Future
@@ -38,21 +38,12 @@ def clustered(
 ) -> Generator[list[Outcome]]:
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
+    Jobs are taken as the cluster gets free. `address` is the scheduler's, such as ``tcp://10.0.0.1:8786``; `methods`
+    and `timeout` as `Isolated` takes them; `security` has `distributed.Security`'s files for TLS: ``tls_ca_file``,
+    ``tls_client_cert``, ``tls_client_key``; `told` is given a line when the batch has to wait for workers.
+
     `UsageError` where dask is not installed, no scheduler answers, it is gone before the end, or has no workers for
     `PATIENCE` seconds.
-
-    Parameters
-    ----------
-    jobs : iterable of (Path, Config)
-        Taken as the cluster gets free.
-    address : str
-        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
-    methods, timeout
-        See `Isolated`.
-    security : mapping, optional
-        `distributed.Security`'s files for TLS: ``tls_ca_file``, ``tls_client_cert``, ``tls_client_key``.
-    told : callable
-        Given a line when the batch has to wait for workers.
     """
     try:
         from distributed import Client, Security
@@ -75,12 +66,9 @@ def clustered(
         done: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
         def feed(count: int) -> None:
-            for _ in range(count):
-                job = next(left, None)
-                if job is None:
-                    return
-                future = client.submit(_process_isolated, *job, tuple(methods), timeout, pure=False, retries=0)
-                keys[future.key] = job[1]
+            for _, (path, config) in zip(range(count), left, strict=False):
+                future = client.submit(_process_isolated, path, config, tuple(methods), timeout, pure=False, retries=0)
+                keys[future.key] = config
                 future.add_done_callback(done.put)
 
         feed(_AHEAD * threads)
@@ -101,19 +89,11 @@ def clustered(
 
 
 class Waiting:
-    """Looks whether a cluster has workers, and says where it has none.
-
-    Parameters
-    ----------
-    address : str
-    count : callable
-        Threads of all workers now.
-    told : callable
-        Given one line, `LOOK` seconds after the last of them was seen.
-    """
+    """Looks whether a cluster has workers by `count` of their threads; `told` once, `LOOK` s after the last is gone."""
 
     def __init__(self, address: str, count: Callable[[], int], told: Callable[[str], object]) -> None:
-        self._address, self._count, self._told = address, count, told
+        self._of, self._count, self._told = f"--scheduler {address}: has no workers", count, told
+        self._start = f"start some with 'dask worker {address}'"
         self._since: float | None = None
         self._said = False
 
@@ -124,13 +104,11 @@ class Waiting:
             self._since, self._said = None, False
             return found
         self._since = now if self._since is None else self._since
-        start = f"start some with 'dask worker {self._address}'"
         if now - self._since > PATIENCE:
-            without = f"--scheduler {self._address}: has no workers for {PATIENCE:.0f} s"
-            raise UsageError(f"{without}; {start}, and go on with --resume")
+            raise UsageError(f"{self._of} for {PATIENCE:.0f} s; {self._start}, and go on with --resume")
         if now - self._since > LOOK and not self._said:
             self._said = True
-            self._told(f"--scheduler {self._address}: has no workers; waiting {PATIENCE:.0f} s for them, {start}")
+            self._told(f"{self._of}; waiting {PATIENCE:.0f} s for them, {self._start}")
         return 0
 
 

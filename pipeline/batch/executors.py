@@ -1,7 +1,9 @@
-"""One process of its own that does one record at a time; its death, or too long a silence, is that record's outcome.
+"""Who does the work on this machine: isolated processes, the default; or this one, for files that are trusted.
 
-Pebble starts the process, ends it when the record's time is over, and starts another. Each has a pool to itself: a
-process that is killed in the middle of a message can then spoil no other's. Before its first record it is confined.
+An executor is a function of jobs that yields lists of outcomes as they come; closing it ends the work at once. Pebble
+starts an isolated process, ends it when its record's time is over, and starts another: its death, or too long a
+silence, is that record's outcome. Each has a pool to itself: a process that is killed in the middle of a message can
+then spoil no other's. Before its first record it is confined.
 """
 
 from __future__ import annotations
@@ -15,8 +17,9 @@ import signal
 import tempfile
 import time
 import weakref
-from collections.abc import Callable, Sequence
-from concurrent.futures import CancelledError, Future, wait
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -29,21 +32,18 @@ from pipeline.batch.warming import warm
 from synth.kernels.cache import cache_folder
 
 ATTEMPTS = 3  # How often a record is begun whose process vanished before it began, or fell silent
-
 LOOK = 5.0  # s after which a silent process is looked for
-
 _START = 900.0  # s a process may take to start, with all kernels compiled anew, on a busy machine
 
 
 class Isolated:
     """A process that does one record at a time, with these methods warmed up; a context manager.
 
-    A record may take `timeout` seconds, the start of the process not counted.
+    A record may take `timeout` seconds, the start of the process not counted. `form` is what it was made with.
     """
 
     def __init__(self, methods: Sequence[str], timeout: float) -> None:
         self.form = (tuple(methods), timeout)
-        """What it was made with."""
         self._pool: ProcessPool | None = None
         self._job: tuple[Path, Config] | None = None
         self._clean: Callable[[], object] = lambda: None
@@ -70,24 +70,29 @@ class Isolated:
         """What became of the record, once the future is done or the process is silent; or its next attempt."""
         assert self._job is not None
         path, config = self._job
-        if not future.done():
-            return self._next(path, config, "fell silent")
-        try:
-            return future.result()
-        except TimeoutError:
-            told = f"{path}: took longer than {self.form[1]:g} s and was ended; allow more with --timeout"
-            return failure(config.key, "TimedOut", told).took(self.form[1])
-        except ProcessExpired as error:
-            told = f"{path}: its process {_death(error.exitcode)}; look at this file, or allow more with --memory"
-            return failure(config.key, "Crashed", told)
-        except (BrokenProcessPool, CancelledError):
-            return self._next(path, config, "vanished before it began")
+        fault = "fell silent"
+        if future.done():
+            try:
+                return future.result()
+            except TimeoutError:
+                told = f"{path}: took longer than {self.form[1]:g} s and was ended; allow more with --timeout"
+                return failure(config.key, "TimedOut", told).took(self.form[1])
+            except ProcessExpired as error:
+                told = f"{path}: its process {_death(error.exitcode)}; look at this file, or allow more with --memory"
+                return failure(config.key, "Crashed", told)
+            except (BrokenProcessPool, CancelledError):
+                fault = "vanished before it began"
+        self.stop()
+        if self._attempt < ATTEMPTS:
+            return self._again()
+        told = f"{path}: {ATTEMPTS} processes in turn {fault}; look at the machine's memory, then use --retry-failed"
+        return failure(config.key, "WorkerLost", told)
 
     def run(self, path: Path, config: Config) -> Outcome:
         """Begin a record and wait for what becomes of it."""
         found: Outcome | Future[Outcome] = self.begin(path, config)
         while not isinstance(found, Outcome):
-            if wait([found], LOOK).done or self.silent():
+            if wait([found], LOOK, FIRST_COMPLETED).done or self.silent():
                 found = self.outcome(found)
         return found
 
@@ -99,13 +104,6 @@ class Isolated:
             with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
                 pool.join()
         self._clean()
-
-    def _next(self, path: Path, config: Config, what: str) -> Outcome | Future[Outcome]:
-        self.stop()
-        if self._attempt < ATTEMPTS:
-            return self._again()
-        told = f"{path}: {ATTEMPTS} processes in turn {what}; look at the machine's memory, then use --retry-failed"
-        return failure(config.key, "WorkerLost", told)
 
     def _again(self) -> Future[Outcome]:
         assert self._job is not None
@@ -119,11 +117,10 @@ class Isolated:
             self._pool = ProcessPool(max_workers=1, initializer=_ready, initargs=given, context=spawn)
         try:
             begun: Future[Outcome] = self._pool.schedule(_process_alone, args=self._job, timeout=self.form[1])
-            return begun
         except RuntimeError as error:  # the pool broke since its last record
-            broken: Future[Outcome] = Future()
-            broken.set_exception(BrokenProcessPool(str(error)))
-            return broken
+            begun = Future()
+            begun.set_exception(BrokenProcessPool(str(error)))
+        return begun
 
 
 def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:
@@ -146,9 +143,48 @@ def _death(code: int | None) -> str:
     >>> _death(-9), _death(3)
     ('was killed by SIGKILL', 'ended with status 3')
     """
-    if code is not None and code < 0:
-        try:
-            return f"was killed by {signal.Signals(-code).name}"
-        except ValueError:
-            return f"was killed by signal {-code}"
-    return f"ended with status {code}"
+    if code is None or code >= 0:
+        return f"ended with status {code}"
+    known = {number.value: number.name for number in signal.Signals}
+    return f"was killed by {known.get(-code, f'signal {-code}')}"
+
+
+def pooled(
+    jobs: Iterable[tuple[Path, Config]], *, workers: int, methods: Sequence[str], timeout: float
+) -> Generator[list[Outcome]]:
+    """Outcomes of jobs as they come, from `workers` processes that crash, hang and run out of memory alone.
+
+    What is yielded together came together; jobs are taken one by one as processes become free, and all processes have
+    their next ones already. `methods` and `timeout` as `Isolated` takes them.
+    """
+    left = iter(jobs)
+    busy: dict[Future[Outcome], Isolated] = {}
+    with contextlib.ExitStack() as ends:
+        idle = deque(ends.enter_context(Isolated(methods, timeout)) for _ in range(workers))
+
+        def feed() -> None:
+            while idle and (job := next(left, None)) is not None:
+                child = idle.popleft()
+                busy[child.begin(*job)] = child
+
+        feed()
+        while busy:
+            done = wait(busy, LOOK, FIRST_COMPLETED).done
+            outcomes = []
+            for future in [each for each, child in busy.items() if each in done or child.silent()]:
+                child = busy.pop(future)
+                found = child.outcome(future)
+                if isinstance(found, Outcome):
+                    outcomes.append(found)
+                    idle.append(child)
+                else:
+                    busy[found] = child
+            feed()
+            if outcomes:
+                yield outcomes
+
+
+def serial(jobs: Iterable[tuple[Path, Config]]) -> Generator[list[Outcome]]:
+    """Outcomes of jobs in their order, one at a time."""
+    for path, config in jobs:
+        yield [process_record(path, config)]

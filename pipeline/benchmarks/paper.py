@@ -202,22 +202,8 @@ def marks_error(scene: Scene) -> float:
     every = max(1, round(MARK_SECONDS / envelope.hop))
     fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
     correction = integrated(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
-    return _slope_error(scene, difference, time, n2, rows, envelope.time, correction)
-
-
-def plain_error(scene: Scene) -> float:
-    """Error of gravity from the slope of the difference's true phase, uncorrected, mGal."""
-    record, _, _, difference, time, (_, n2) = _harmonics(scene)
-    times = prepare(observe(record)).sliding.time
-    return _slope_error(scene, difference, time, n2, np.rint(times / float(time[1])).astype(np.int64), times, 0.0)
-
-
-def _slope_error(
-    scene: Scene, difference: Complexes, time: Floats, n2: float, rows: Any, times: Floats, correction: Floats | float
-) -> float:
-    """Error of gravity from the slope of the difference's true phase less its correction, mGal."""
     phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
-    slope = regression(times, phase - correction, np.abs(difference[rows]) ** 2)
+    slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
     return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)
 
 

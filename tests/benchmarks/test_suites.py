@@ -23,7 +23,7 @@ def test_registered_suite_can_be_run(suite: str) -> None:
 @pytest.mark.usefixtures("short")
 def test_bars_of_accuracy_are_yielded() -> None:
     rows = list(bars.accuracy())
-    assert len({row["bar"] for row in rows}) == len(rows) > 12
+    assert len({row["bar"] for row in rows}) == len(rows) == 4
     assert {tuple(row) for row in rows} == {("bar", "value", "limit", "unit", "pass")}
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import json
 import statistics
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import data_schemas
 import synth
@@ -54,11 +54,9 @@ def make_records(folder: Path, count: int, duration: float) -> Path:
     return folder
 
 
-def _run(*words: object) -> str:
+def _run(*words: object) -> Any:
     """Output of a Python program with BLAS in one thread, as commands have it."""
-    environment = tables.tree_environment() | {"OMP_NUM_THREADS": "1"}
-    command = [sys.executable, *map(str, words)]
-    return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+    return tables.command(sys.executable, *map(str, words), OMP_NUM_THREADS="1")()
 
 
 def _bare(records: Path, out: Path) -> list[float]:

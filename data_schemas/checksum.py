@@ -19,6 +19,7 @@ filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping at
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -35,73 +36,57 @@ ATTRIBUTE = "content_sha256"
 _SEED = "isochrony content 1"
 
 
-class _Sum:
-    """SHA-256 fed with length-prefixed items, so that no two contents give the same bytes."""
-
-    def __init__(self) -> None:
-        self._hash = hashlib.sha256()
-        self.text(_SEED)
-
-    def text(self, *texts: str) -> None:
-        for one in texts:
-            data = one.encode()
-            self._hash.update(len(data).to_bytes(8, "little") + data)
-
-    def values(self, values: NDArray[Any], blocks: Iterable[NDArray[Any]] | None = None) -> None:
-        """An item an element of text; of numbers one item, whose bytes may come in blocks."""
-        if type_name(values) == "str":
-            self.text(*values.ravel().tolist())
-            return
-        self._hash.update(values.nbytes.to_bytes(8, "little"))
-        for block in (values,) if blocks is None else blocks:
-            little = np.ascontiguousarray(block, dtype=block.dtype.newbyteorder("<"))
-            self._hash.update(little.reshape(-1).view(np.uint8).data)
-
-    def attributes(self, attrs: Mapping[str, Any]) -> None:
-        for name in sorted(attrs, key=str.encode):
-            values = np.atleast_1d(np.asarray(attrs[name]))
-            self.text("attribute", name, type_name(values), str(values.size))
-            self.values(values)
-
-    def variable(self, name: str, entry: Entry, blocks: Iterable[NDArray[Any]] | None) -> None:
-        self.text("variable", name, str(len(entry.dims)))
-        for dim, size in zip(entry.dims, entry.values.shape, strict=True):
-            self.text(dim, str(size))
-        self.text(type_name(entry.values))
-        self.values(entry.values, blocks)
-        self.attributes(entry.attrs)
-
-    def hexdigest(self) -> str:
-        return self._hash.hexdigest()
-
-
 def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = MappingProxyType({})) -> str:
     """The checksum of a plain content, 64 hexadecimal digits (definition: see the module).
 
     `blocks`: numbers of variables (``group/name``) that are too many to be held, last dimension fastest; of such a
     variable's own values only shape and type are looked at.
     """
-    total = _Sum()
+    total = hashlib.sha256()
+
+    def put_text(*texts: str) -> None:
+        for one in texts:
+            data = one.encode()
+            total.update(len(data).to_bytes(8, "little") + data)
+
+    def put_values(values: NDArray[Any], parts: Iterable[NDArray[Any]] | None = None) -> None:
+        if type_name(values) == "str":
+            put_text(*values.ravel().tolist())
+            return
+        total.update(values.nbytes.to_bytes(8, "little"))
+        for part in (values,) if parts is None else parts:
+            little = np.ascontiguousarray(part, dtype=part.dtype.newbyteorder("<"))
+            total.update(little.reshape(-1).view(np.uint8).data)
+
+    def put_attributes(attrs: Mapping[str, Any]) -> None:
+        for name in sorted(attrs, key=str.encode):
+            values = np.atleast_1d(np.asarray(attrs[name]))
+            put_text("attribute", name, type_name(values), str(values.size))
+            put_values(values)
+
+    put_text(_SEED)
     for path in sorted(contents, key=str.encode):
         group = contents[path]
-        total.text("group", path)
-        total.attributes({n: v for n, v in group.attrs.items() if path or n != ATTRIBUTE})
+        put_text("group", path)
+        put_attributes({n: v for n, v in group.attrs.items() if path or n != ATTRIBUTE})
         for name in sorted(group.variables, key=str.encode):
-            total.variable(name, group.variables[name], blocks.get(key(path, name)))
+            entry = group.variables[name]
+            sizes = (str(size) for size in entry.values.shape)
+            shape = itertools.chain.from_iterable(zip(entry.dims, sizes, strict=True))
+            put_text("variable", name, str(len(entry.dims)), *shape, type_name(entry.values))
+            put_values(entry.values, blocks.get(key(path, name)))
+            put_attributes(entry.attrs)
     return total.hexdigest()
 
 
 def numbers_sha256(tree: xr.DataTree) -> str:
     """The checksum of a tree's numbers alone, but for the times that were taken: the same where a run is repeated."""
 
-    def counts(name: str, entry: Entry) -> bool:
-        return name != "elapsed" and type_name(entry.values) != "str"
-
-    plain = {
-        path: {name: Entry(one.dims, one.values) for name, one in group.variables.items() if counts(name, one)}
-        for path, group in from_tree(tree).items()
-    }
-    return digest({path: Group({}, variables) for path, variables in plain.items()})
+    numbers: Contents = {}
+    for path, group in from_tree(tree).items():
+        counted = {n: one for n, one in group.variables.items() if n != "elapsed" and type_name(one.values) != "str"}
+        numbers[path] = Group({}, {name: Entry(one.dims, one.values) for name, one in counted.items()})
+    return digest(numbers)
 
 
 def content_sha256(tree: xr.DataTree) -> str:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
-from data_schemas.scene_fields import Name, Number, Section, Text, one_line, quantity
+from data_schemas.scene_fields import Name, Number, Section, Text, check_distinct, check_known, one_line, quantity
 from data_schemas.text_files import load_toml
 from data_schemas.variables_record import INSTRUMENT
 
@@ -50,42 +50,33 @@ PERIODS = {name: name.removeprefix("base_") for name in _of_instrument(BASE, PEN
 COURSES = _of_instrument(also=(TIME,))  # Those that may be read again and again while the film runs
 
 
-class _NamedBase(Section):
-    label: Name = quantity(..., "", "name of the station")
+def _section(name: str, meaning: str, **fields: Any) -> Any:
+    return create_model(name, __base__=Section, __doc__=meaning, **fields)
 
 
-class _TimedReading(Section):
-    time: Number = quantity(..., "s", "when, in the record's seconds")
-
-
-class _LabelledPendulum(Section):
-    label: Name = quantity(..., "", "label of the pendulum")
-
-
-def _section(name: str, base: type[Section], meaning: str, fields: dict[str, Any]) -> Any:
-    return create_model(name, __base__=base, __doc__=meaning, **fields)
-
-
+_OF_BASES = {
+    key: _field(name, each=name in PERIODS, required=not name.endswith("_uncertainty"))
+    for name, key in (BASES | PERIODS).items()
+}
+_STATION, _LABEL = quantity(..., "", "name of the station"), quantity(..., "", "label of the pendulum")
+_WHEN = quantity(..., "s", "when, in the record's seconds")
 DescribedBase: Any = _section(
-    "DescribedBase",
-    _NamedBase,
-    "An occupation of a base station, before or after the record.",
-    {
-        key: _field(name, each=name in PERIODS, required=not name.endswith("_uncertainty"))
-        for name, key in (BASES | PERIODS).items()
-    },
+    "DescribedBase", "An occupation of a base station, before or after.", label=(Name, _STATION), **_OF_BASES
 )
 DescribedReading: Any = _section(
     "DescribedReading",
-    _TimedReading,
     "Conditions as they were read at some time; between readings they are taken to change evenly.",
-    {name: _field(name) for name in COURSES},
+    time=(Number, _WHEN),
+    **{name: _field(name) for name in COURSES},
 )
 DescribedPendulum: Any = _section(
-    "DescribedPendulum", _LabelledPendulum, "A pendulum.", {name: _field(name) for name in _of_instrument(PENDULUM)}
+    "DescribedPendulum",
+    "A pendulum.",
+    label=(Name, _LABEL),
+    **{name: _field(name) for name in _of_instrument(PENDULUM)},
 )
 DescribedInstrument: Any = _section(
-    "DescribedInstrument", Section, "Conditions of all pendulums.", {name: _field(name) for name in _of_instrument()}
+    "DescribedInstrument", "Conditions of all pendulums.", **{name: _field(name) for name in _of_instrument()}
 )
 
 
@@ -136,27 +127,19 @@ class FilmDescription(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        labels = [each.label for each in self.pendulums]
-        names = [each.name for each in self.traces]
-        if len(set(labels)) < len(labels) or len(set(names)) < len(names):
-            raise ValueError("traces and pendulums must have different names")
+        labels, names = [one.label for one in self.pendulums], [one.name for one in self.traces]
+        for each in (labels, names):
+            check_distinct(each, "traces and pendulums must have different names")
         for trace in self.traces:
-            for label in trace.combination:
-                if label not in labels:
-                    raise ValueError(
-                        f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
-                    )
+            check_known(trace.combination, labels, f"trace {trace.name!r} names the pendulum")
         _check_bases(self.bases, labels)
         _check_readings(self.readings, self.instrument)
         return self
 
 
-def _check_bases(bases: Iterable[Any], labels: list[str]) -> None:
+def _check_bases(bases: Sequence[Any], labels: list[str]) -> None:
     """Raise ValueError where bases state different things, or other pendulums than there are."""
-    bases = list(bases)
-    names = [base.label for base in bases]
-    if len(set(names)) < len(names):
-        raise ValueError("bases must have different labels; name each occupation for itself")
+    check_distinct((base.label for base in bases), "bases must have different labels; name each occupation for itself")
     for key in (*BASES.values(), *PERIODS.values()):
         given = [getattr(base, key) is not None for base in bases]
         if any(given) and not all(given):
@@ -165,12 +148,11 @@ def _check_bases(bases: Iterable[Any], labels: list[str]) -> None:
         for key in PERIODS.values():
             stated = getattr(base, key)
             if stated is not None and set(stated) != set(labels):
-                raise ValueError(
-                    f"base {base.label!r} states {key} of {', '.join(stated)}; the pendulums are {', '.join(labels)}"
-                )
+                stated, known = ", ".join(stated), ", ".join(labels)
+                raise ValueError(f"base {base.label!r} states {key} of {stated}; the pendulums are {known}")
 
 
-def _check_readings(readings: Iterable[Any], instrument: Any) -> None:
+def _check_readings(readings: Sequence[Any], instrument: Any) -> None:
     """Raise ValueError where readings are out of order, hold nothing, or repeat what the instrument states."""
     times = [reading.time for reading in readings]
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
@@ -189,8 +171,7 @@ def description_path(film: str | os.PathLike[str]) -> Path:
     >>> description_path("a/ship.film.tif").name, description_path("a/scan.png").name
     ('ship.film.toml', 'scan.film.toml')
     """
-    path = Path(film)
-    return path.with_name(film_stem(path) + ".film.toml")
+    return Path(film).with_name(film_stem(film) + ".film.toml")
 
 
 def film_stem(film: str | os.PathLike[str]) -> str:

@@ -13,7 +13,7 @@ from pydantic import ValidationError, field_validator, model_validator
 
 from data_schemas.errors import SceneError
 from data_schemas.scene_conditions import Conditions, GravityCourse, check_physics
-from data_schemas.scene_fields import Number, Section, Seed, Text, one_line, quantity
+from data_schemas.scene_fields import Number, Section, Seed, Text, check_distinct, check_known, one_line, quantity
 from data_schemas.scene_film import Film
 from data_schemas.scene_motion import Case, Motion
 from data_schemas.scene_pendulum import FixedSupport, Handling, Pendulum, Support
@@ -29,9 +29,7 @@ Propagator = Literal["auto", "closed-form", "picard", "beam-collocation", "expli
 class Simulation(Section):
     """Left out, everything is as exact as it can be."""
 
-    tolerance: Number | None = quantity(
-        None, "1", "largest error over largest angle; left out: the least possible", ge=1e-15, le=1e-2
-    )
+    tolerance: Number | None = quantity(None, "1", "error over angle; left out: the least possible", ge=1e-15, le=1e-2)
     propagator: Propagator = quantity("auto", "", "'auto' takes what suits the scene; a name insists or is refused")
 
 
@@ -90,29 +88,22 @@ class Scene(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         labels = [pendulum.label for pendulum in self.pendulums]
-        if len(set(labels)) < len(labels):
-            raise ValueError("pendulums must have different labels")
+        check_distinct(labels, "pendulums must have different labels")
         for term in self.motion:
-            if term.kind == "near-resonant" and term.pendulum is not None and term.pendulum not in labels:
-                raise ValueError(f"motion names the pendulum {term.pendulum!r}; there are {', '.join(labels)}")
+            if term.kind == "near-resonant" and term.pendulum is not None:
+                check_known([term.pendulum], labels, "motion names the pendulum")
         check_physics(self)
         for trace in self.traces:
-            for label in trace.combination:
-                if label not in labels:
-                    raise ValueError(
-                        f"trace {trace.name!r} names the pendulum {label!r}; there are {', '.join(labels)}"
-                    )
+            check_known(trace.combination, labels, f"trace {trace.name!r} names the pendulum")
         if self.count > _MOST_SAMPLES:
             raise ValueError(f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}")
         for what in self.events:
-            if what.pendulum not in labels:
-                raise ValueError(f"events name the pendulum {what.pendulum!r}; there are {', '.join(labels)}")
+            check_known([what.pendulum], labels, "events name the pendulum")
             if what.time >= self.duration:
                 raise ValueError(f"events: the {what.kind} at {what.time:g} s is after the record's end")
         for errors in self.recording.errors:
-            if errors.trace is not None and errors.trace not in [trace.name for trace in self.traces]:
-                names = ", ".join(trace.name for trace in self.traces)
-                raise ValueError(f"recording.errors name the trace {errors.trace!r}; there are {names}")
+            if errors.trace is not None:
+                check_known([errors.trace], [trace.name for trace in self.traces], "recording.errors name the trace")
         for stretch in self.recording.missing:
             if stretch.start >= self.duration:
                 raise ValueError(f"recording.missing begins at {stretch.start:g} s, after the record's end")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from data_schemas.scene_fields import Number, Section, Switch, quantity
 from data_schemas.scene_motion import Table
-from data_schemas.scene_pendulum import RESISTANCES, BeamSupport, BoardSupport, FrameSupport, FreeStart, Pendulum
+from data_schemas.scene_pendulum import RESISTANCES, BeamSupport, BoardSupport, FreeStart, Pendulum
 
 if TYPE_CHECKING:
     from data_schemas.scene import Scene
@@ -54,9 +54,8 @@ class BaseStation(Section):
     gravity: Number = quantity(..., "m s-2", "gravity of the station", ge=0.1, le=100)
 
 
-def _error(unit: str, of: str) -> Number:
-    number: Number = quantity(0.0, unit, f"1 sigma of the error of the record's {of}, which states it", ge=0, le=1e4)
-    return number
+def _error(unit: str, of: str) -> Any:
+    return quantity(0.0, unit, f"1 sigma of the error of the record's {of}, which states it", ge=0, le=1e4)
 
 
 class Conditions(Section):
@@ -68,10 +67,8 @@ class Conditions(Section):
 
     temperature: Number | None = quantity(None, "K", "mean temperature of the pendulums", ge=100, le=500)
     temperature_reference: Number = quantity(288.15, "K", "temperature at which the periods hold", ge=100, le=500)
-    temperature_amplitude: Number = quantity(
-        0.0, "K", "amplitude of a sinusoidal course within the record", ge=0, le=100
-    )
-    temperature_period: Number = quantity(86400.0, "s", "period of that course", ge=60, le=1e8)
+    temperature_amplitude: Number = quantity(0.0, "K", "amplitude of a sine within the record", ge=0, le=100)
+    temperature_period: Number = quantity(86400.0, "s", "period of that sine", ge=60, le=1e8)
     temperature_phase: Number = quantity(0.0, "rad", "phase of its sine at t = 0", ge=-100, le=100)
     temperature_uncertainty: Number = _error("K", "temperature")
     air_density: Number | None = quantity(None, "kg m-3", "density of the air in the case", ge=0, le=100)
@@ -91,9 +88,7 @@ class Conditions(Section):
     course_uncertainty: Number = _error("degrees", "course")
     chronometer_rate_uncertainty: Number = _error("s day-1", "chronometer rate")
     bases: tuple[BaseStation, ...] = quantity((), "", "occupations of base stations, in order of time")
-    base_period_uncertainty: Number = quantity(
-        0.0, "s", "1 sigma of a period measured at a base, which is stated", ge=0, le=1
-    )
+    base_period_uncertainty: Number = quantity(0.0, "s", "1 sigma of the periods at bases, stated", ge=0, le=1)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -191,16 +186,7 @@ def check_physics(scene: Scene) -> None:
                 f"pendulums: {each.label!r} with damping_rate = {each.damping_rate:g} 1/s creeps and has no free"
                 f" harmonic (its frequency is {own:g} rad/s); start it with kind = 'state'"
             )
-    match scene.support:
-        case BeamSupport(equations="reduced"):
-            _check_reduced(scene)
-            _check_masses(scene)
-        case BeamSupport() | FrameSupport():
-            _check_sine(scene)
-            _check_masses(scene)
-        case BoardSupport():
-            _check_sine(scene)
-            _check_board(scene, scene.support)
+    _check_support(scene)
 
 
 _ONE_METAL = 1e-3  # of the relative change of period: n1/n2 then stays within 1e-7 at 10 K
@@ -225,15 +211,18 @@ def _check_conditions(scene: Scene) -> None:
 
 
 def _check_changes(scene: Scene) -> None:
-    course, fixed = scene.gravity_course, scene.support.kind == "fixed"
-    if not fixed and course is not None:
-        raise ValueError("gravity_course acts on pendulums on a fixed support only; remove it, or the support")
-    if not fixed and (scene.events or scene.case is not None or any(each.plane for each in scene.pendulums)):
-        raise ValueError("events, case and plane are for pendulums on a fixed support; remove them, or the support")
+    course = scene.gravity_course
+    if scene.support.kind != "fixed":
+        if course is not None:
+            raise ValueError("gravity_course acts on pendulums on a fixed support only; remove it, or the support")
+        if scene.events or scene.case is not None or any(each.plane for each in scene.pendulums):
+            raise ValueError("events, case and plane are for pendulums on a fixed support; remove them, or the support")
+        if any(each.kick_intensity for each in scene.pendulums):
+            raise ValueError(
+                "kick_intensity acts on pendulums on a fixed support only; set it to 0, or fix the support"
+            )
     if scene.restoring == "linear" and scene.case is not None and scene.case.roll is not None:
         raise ValueError("case.roll acts on real pendulums only; set restoring = 'sine'")
-    if not fixed and any(each.kick_intensity for each in scene.pendulums):
-        raise ValueError("kick_intensity acts on pendulums on a fixed support only; set it to 0, or remove the support")
     largest = 0.0
     if isinstance(course, LinearCourse):
         largest = abs(course.rate) * scene.duration
@@ -245,17 +234,18 @@ def _check_changes(scene: Scene) -> None:
         )
 
 
-def _check_sine(scene: Scene) -> None:
-    if scene.restoring != "sine":
-        raise ValueError(
-            f"support: pendulums on a {scene.support.kind} swing with the full sine; set restoring = 'sine'"
-        )
-
-
-def _check_masses(scene: Scene) -> None:
-    for each in scene.pendulums:
-        if each.mass is None:
-            raise ValueError(f"pendulums: {each.label!r} moves the {scene.support.kind} it hangs on; give its mass")
+def _check_support(scene: Scene) -> None:
+    support, reduced = scene.support, isinstance(scene.support, BeamSupport) and scene.support.equations == "reduced"
+    if reduced:
+        _check_reduced(scene)
+    elif support.kind != "fixed" and scene.restoring != "sine":
+        raise ValueError(f"support: pendulums on a {support.kind} swing with the full sine; set restoring = 'sine'")
+    if isinstance(support, BoardSupport):
+        _check_board(scene, support)
+    elif support.kind != "fixed":
+        for each in scene.pendulums:
+            if each.mass is None:
+                raise ValueError(f"pendulums: {each.label!r} moves the {support.kind} it hangs on; give its mass")
 
 
 def _check_reduced(scene: Scene) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationError, WithJsonSchema
 
 _LONGEST_VALUE = 60
+_TYPE_NAMES = frozenset({"float", "int", "str", "constrained-int", "constrained-str"})  # pydantic's, within a location
 _MOST_FAULTS = 8  # further ones are counted, so that a scene of another kind gives a line and not a page
 
 
@@ -20,30 +21,33 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def quantity(default: Any, unit: str, description: str, *, resistance: str = "", **limits: Any) -> Any:
+def quantity(default: Any, unit: str, description: str, **limits: Any) -> Any:
     """Field of a scene; `default=...` makes it required.
 
-    Parameters
-    ----------
-    default
-        Value when the key is left out.
-    unit
-        Unit of the numbers, "1" for pure numbers, "" for words and lists of sections.
-    description
-        Meaning, one sentence.
-    resistance
-        Name of the resistance to the swing that the field brings; `synth.systems.resistance` has its kernels.
-    limits
-        Range, as pydantic knows it: gt, ge, lt, le, min_length, pattern.
+    `unit` is "1" for pure numbers, "" for words and lists of sections; `limits` are the range as pydantic knows it: gt,
+    ge, lt, le, min_length, max_length, pattern.
     """
-    words: dict[str, Any] = {"unit": unit} | ({"resistance": resistance} if resistance else {})
-    return Field(default, description=description, json_schema_extra=words, **limits)
+    return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
 
 
 def extra(section: type[Section], name: str) -> dict[str, str]:
-    """Unit of a field, and the name of the resistance that it brings."""
+    """What a field says of itself beyond its range and meaning: its ``unit``."""
     words = section.model_fields[name].json_schema_extra
     return {key: str(value) for key, value in words.items()} if isinstance(words, dict) else {}
+
+
+def check_distinct(names: Iterable[str], message: str) -> None:
+    """Raise ValueError with a message where two names are alike."""
+    names = list(names)
+    if len(set(names)) < len(names):
+        raise ValueError(message)
+
+
+def check_known(names: Iterable[str], known: Iterable[str], what: str) -> None:
+    """Raise ValueError where a section names something, `what` in words, that does not exist."""
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{what} {name!r}; there are {', '.join(known)}")
 
 
 Number = Annotated[float, Field(strict=True)]
@@ -58,15 +62,10 @@ TraceName = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_.+-]{1,40}$"
 
 def _rational(value: object) -> Fraction:
     """Read 25, 12.5 or "25/3" as the decimal or ratio that was written, not as its nearest double."""
-    if isinstance(value, Fraction):
-        number = value
-    elif isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError("must be a number or a ratio of integers such as 25, 12.5 or '25/3'")
-    else:
-        try:
-            number = Fraction(str(value))
-        except (ValueError, ZeroDivisionError):
-            raise ValueError("must be a number or a ratio of integers such as 25, 12.5 or '25/3'") from None
+    try:
+        number = Fraction(str(value))  # also of a Fraction; "True" and the like are none
+    except (ValueError, ZeroDivisionError):
+        raise ValueError("must be a number or a ratio of integers such as 25, 12.5 or '25/3'") from None
     if not 0 < number <= 100_000:
         raise ValueError("must be above 0 and at most 100000")
     if number.denominator > 10**12:
@@ -74,18 +73,13 @@ def _rational(value: object) -> Fraction:
     return number
 
 
+_NUMBER_SCHEMA = {"type": "number", "exclusiveMinimum": 0, "maximum": 100_000}
+_RATIO_SCHEMA = {"type": "string", "pattern": r"^[0-9]+(\.[0-9]+)?(/[0-9]+)?$"}
 Rational = Annotated[
     Fraction,
     PlainValidator(_rational),
     PlainSerializer(str, return_type=str),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "number", "exclusiveMinimum": 0, "maximum": 100_000},
-                {"type": "string", "pattern": r"^[0-9]+(\.[0-9]+)?(/[0-9]+)?$"},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [_NUMBER_SCHEMA, _RATIO_SCHEMA]}),
 ]
 
 
@@ -103,18 +97,16 @@ def _fault(fault: Mapping[str, Any], model: type[Section]) -> str:
     value = _shortened(repr(fault["input"]))
     match fault["type"]:
         case "extra_forbidden":
-            name = str(fault["loc"][-1])
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            near = difflib.get_close_matches(str(fault["loc"][-1]), known, n=1, cutoff=0.0)
             return f"{key} = {value} is not a known key; did you mean {near[0]!r}?"
         case "missing":
             return f"{key} is missing; give it"
         case "union_tag_not_found":
             return f"{key}.kind is missing; give it"
         case "union_tag_invalid":
-            context = fault["ctx"]
-            near = difflib.get_close_matches(context["tag"], re.findall("'(.*?)'", context["expected_tags"]), 1, 0.0)
-            known = context["expected_tags"]
-            return f"{key}.kind = {context['tag']!r} is none of {known}; did you mean {near[0]!r}?"
+            tag, kinds = fault["ctx"]["tag"], fault["ctx"]["expected_tags"]
+            near = difflib.get_close_matches(tag, re.findall("'(.*?)'", kinds), n=1, cutoff=0.0)
+            return f"{key}.kind = {tag!r} is none of {kinds}; did you mean {near[0]!r}?"
     message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")
     if isinstance(fault["input"], Mapping | Section):
         return f"{key + ': ' if key else ''}{message}"
@@ -141,20 +133,9 @@ def _locate(location: tuple[int | str, ...], model: type[Section]) -> tuple[str,
             found = list(_sections(section.model_fields[step].annotation))
             section = found[0] if len(found) == 1 else None
             candidates = {str(each.model_fields["kind"].default): each for each in found[1:] and found}
-        elif _is_key(step):  # anything a file may hold, a line break too
+        elif not (_TYPE_NAMES & {step} or "[" in step or "(" in step):  # anything a file may hold, a line break too
             words.append(_shortened(step if step.isprintable() else repr(step)))
     return ".".join(words), list(section.model_fields) if section is not None else []
-
-
-def _is_key(step: str) -> bool:
-    """Tell a key of the file from pydantic's names of types, such as `constrained-int`."""
-    return not any(mark in step for mark in "[(") and step not in {
-        "float",
-        "int",
-        "str",
-        "constrained-int",
-        "constrained-str",
-    }
 
 
 def _sections(annotation: Any) -> Iterator[type[Section]]:

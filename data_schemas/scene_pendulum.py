@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from data_schemas.scene_fields import Label, Number, Section, extra, quantity
+from data_schemas.scene_fields import Label, Number, Section, quantity
 
 
 class FreeStart(Section):
@@ -71,32 +71,20 @@ class Pendulum(Section):
     temperature_coefficient: Number = quantity(0.0, "s K-1", "what a kelvin more adds to the period", ge=-1e-2, le=1e-2)
     density_coefficient: Number = quantity(0.0, "s", "what air of the reference adds to the period", ge=-1, le=1)
     drift: Number = quantity(0.0, "s day-1", "what a day adds to the period, unstated", ge=-1e-2, le=1e-2)
-    damping_rate: Number = quantity(
-        0.0,
-        "s-1",
-        "rate gamma at which the free amplitude decays, exp(-gamma t)",
-        resistance="viscous damping",
-        ge=0,
-        le=1e4,
-    )
-    quadratic_damping: Number = quantity(
-        0.0,
-        "rad-1",
-        "c of the resistance of turbulent air, theta'' gains -c |theta'| theta'",
-        resistance="quadratic damping",
-        ge=0,
-        le=1e4,
-    )
+    damping_rate: Number = quantity(0.0, "s-1", "gamma; the free amplitude decays as exp(-gamma t)", ge=0, le=1e4)
+    quadratic_damping: Number = quantity(0.0, "rad-1", "c of turbulent air, -c |theta'| theta'", ge=0, le=1e4)
     kick_intensity: Number = quantity(0.0, "rad s-1/2", "k of white random kicks, d theta' = n k dW", ge=0, le=1e-2)
-    knife_edge: KnifeEdge | None = quantity(None, "", "dry friction; left out: none", resistance="knife edge")
+    knife_edge: KnifeEdge | None = quantity(None, "", "dry friction; left out: none")
     escapement: Escapement | None = quantity(None, "", "what drives it: kind = 'van-der-pol' or 'impulse'")
     plane: Number = quantity(0.0, "rad", "azimuth of its plane of swing from the record's plane", ge=-1.6, le=1.6)
     start: Start = quantity(..., "", "how the pendulum starts: kind = 'free' or 'state'")
 
 
-RESISTANCES: dict[str, str] = {
-    name: extra(Pendulum, name)["resistance"] for name in Pendulum.model_fields if "resistance" in extra(Pendulum, name)
-}  # Fields of a pendulum that resist its swing, and their names
+RESISTANCES = {
+    "damping_rate": "viscous damping",
+    "quadratic_damping": "quadratic damping",
+    "knife_edge": "knife edge",
+}  # Fields of a pendulum that resist its swing, and their names; `synth.systems.resistance` has their kernels
 
 
 class Event(Section):
@@ -144,30 +132,26 @@ class FixedSupport(Section):
     kind: Literal["fixed"] = quantity("fixed", "", "the support follows the ship and nothing else")
 
 
-def _mass() -> Number:
-    number: Number = quantity(..., "kg", "M, effective mass of the support without pendulums", gt=0, le=1e9)
-    return number
+_MASS: Any = quantity(..., "kg", "M, effective mass of the support without pendulums", gt=0, le=1e9)
 
 
 class BeamSupport(Section):
     """An elastic beam that moves up and down: systems (1) and (2) of Kanunnikov and Lamper."""
 
     kind: Literal["beam"] = quantity("beam", "", "an elastic beam that moves up and down")
-    mass: Number = _mass()
+    mass: Number = _MASS
     stiffness: Number = quantity(..., "N m-1", "K, vertical stiffness", gt=0, le=1e15)
     damping_rate: Number = quantity(0.0, "s-1", "eps0; the beam is braked by eps0 (M + sum of masses) x'", ge=0, le=1e9)
     displacement: Number = quantity(0.0, "m", "x at t = 0, downwards from the static sag", ge=-1000, le=1000)
     velocity: Number = quantity(0.0, "m s-1", "x' at t = 0, downwards", ge=-1000, le=1000)
-    equations: Literal["full", "reduced"] = quantity(
-        "full", "", "'full' for system (1), 'reduced' for system (2), which holds at small arcs and for like clocks"
-    )
+    equations: Literal["full", "reduced"] = quantity("full", "", "'full': (1); 'reduced': (2), small arcs, like clocks")
 
 
 class FrameSupport(Section):
     """A frame that yields sideways, in the swing plane."""
 
     kind: Literal["frame"] = quantity("frame", "", "a frame that yields sideways")
-    mass: Number = _mass()
+    mass: Number = _MASS
     stiffness: Number = quantity(..., "N m-1", "K, horizontal stiffness", ge=0, le=1e15)
     resistance: Number = quantity(0.0, "N s m-1", "B; the frame is braked by B X'", ge=0, le=1e12)
     displacement: Number = quantity(0.0, "m", "X at t = 0, relative to the ship", ge=-1000, le=1000)

@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, quantity
+from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, check_distinct, quantity
 
 _DEFAULT_RATE = Fraction(25)  # Hz
 _DEFAULT_MARKS = Fraction(1, 2)  # s
@@ -21,16 +21,16 @@ class Trace(Section):
 
 
 class Stretch(Section):
-    """A stretch of time; `[10, 20]` says the same as `{start = 10, stop = 20}`."""
+    """A stretch of time; the list `[10, 20]` says the same as `{start = 10, stop = 20}`."""
 
     start: Number = quantity(..., "s", "first moment", ge=0)
     stop: Number = quantity(..., "s", "end; the reading at this moment stands", gt=0)
 
     @model_validator(mode="before")
     @classmethod
-    def _from_pair(cls, value: object) -> object:
-        if isinstance(value, list | tuple) and len(value) == 2:
-            return {"start": value[0], "stop": value[1]}
+    def _from_list(cls, value: object) -> object:
+        if isinstance(value, list | tuple) and 2 <= len(value) <= len(cls.model_fields):
+            return dict(zip(cls.model_fields, value, strict=False))
         return value
 
     @model_validator(mode="after")
@@ -60,9 +60,7 @@ class TraceErrors(Section):
     steps: tuple[Step, ...] = quantity((), "", "steps of the zero, as {time, size} in s and rad")
     scale: Number = quantity(0.0, "1", "relative error of the scale", gt=-1, le=10)
     cubic: Number = quantity(0.0, "rad-2", "factor of the cube of the angle", ge=-1e3, le=1e3)
-    lever: Number = quantity(
-        0.0, "1", "turn of the light over the pendulum's: 2 by a mirror; 0: no tangent", ge=0, le=4
-    )
+    lever: Number = quantity(0.0, "1", "turn of light over pendulum: 2 by a mirror; 0: no tangent", ge=0, le=4)
     clip: Number | None = quantity(None, "rad", "largest elongation that is read; left out: any", gt=0, le=10)
     delay: Number = quantity(0.0, "s", "time by which the trace comes late", ge=-1, le=1)
 
@@ -103,9 +101,7 @@ class Recording(Section):
     missing_samples: Count = quantity(0, "1", "samples missing at random, in each trace", ge=0, le=100_000_000)
     outliers: Count = quantity(0, "1", "number of outliers at random, in each trace", ge=0, le=100_000_000)
     outlier_amplitude: Number = quantity(0.0, "rad", "size of the error of an outlier; its sign is random", ge=0, le=10)
-    chronometer_rate: Number = quantity(
-        0.0, "s day-1", "rate r: true time = its time * (1 + r/86400)", ge=-1000, le=1000
-    )
+    chronometer_rate: Number = quantity(0.0, "s day-1", "r: true time = its time * (1 + r/86400)", ge=-1000, le=1000)
     errors: tuple[TraceErrors, ...] = quantity((), "", "errors of single traces, or of all; they follow each other")
     clock_steps: tuple[Step, ...] = quantity((), "", "steps of the record's time, as {time, size} in s")
     wow: Wow | None = quantity(None, "", "a periodic error of the record's time")
@@ -129,9 +125,7 @@ class Recording(Section):
             raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
         if not self.marks and self.mark_interval != _DEFAULT_MARKS:
             raise ValueError("mark_interval needs marks = true")
-        names = [trace.name for trace in self.traces or ()]
-        if len(set(names)) < len(names):
-            raise ValueError("traces must have different names")
+        check_distinct((trace.name for trace in self.traces or ()), "traces must have different names")
         if self.traces is not None and not self.traces:
             raise ValueError("traces must name at least one trace, or be left out")
         return self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -10,6 +11,8 @@ from typing import Any, Literal
 import numpy as np
 
 Limit = Literal["positive", "not negative"]
+_FLAGS = "gap saturated interpolated time_mark ambiguous lost overlap single_direction outlier"
+ELONGATION_FLAGS = {flag: 1 << bit for bit, flag in enumerate(_FLAGS.split())}
 
 
 @dataclass(frozen=True)
@@ -28,65 +31,75 @@ class Variable:
     missing: bool = False  # whether NaN (a missing value) is allowed; infinite values never are
 
 
-def f8(dims: str, units: str, long_name: str, rules: str = "", *, also: str | None = None, **more: Any) -> Variable:
-    """Row of a number: dimensions apart by blanks; of the rules "required", "missing", "positive", "nonnegative"."""
-    return _row("f8", dims, units, long_name, rules, also=() if also is None else (tuple(also.split()),), **more)
+_ROW = re.compile(r"(\w+)\((.*?)\) (.*?)(?: \[(.*?)\])?: (.*)")
+_RULES: dict[str, dict[str, Any]] = {
+    "required": {"required": True},
+    "missing": {"missing": True},
+    "positive": {"limit": "positive"},
+    "nonnegative": {"limit": "not negative"},
+}
+_MASKS = np.array(list(ELONGATION_FLAGS.values()), dtype=np.uint16)  # of the variable's own type (CF 3.5)
+_TYPES: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "text": ("str", "1", {}),
+    "u1": ("u1", "1", {}),
+    "flags": ("u2", "1", {"flag_masks": _MASKS, "flag_meanings": _FLAGS}),
+    "epoch": ("f8", "seconds since 2000-01-01T00:00:00Z", {"calendar": "standard"}),
+}  # Words in place of a unit: number type, unit, further attributes
 
 
-def text(dims: str, long_name: str, rules: str = "") -> Variable:
-    """Row of labels or words."""
-    return _row("str", dims, "1", long_name, rules)
+def tables(text: str) -> dict[str, dict[str, Variable]]:
+    """Rows by group and name, of lines ``name(dimensions | others) unit [rules]: meaning`` below lines ``[group]``.
 
-
-def u1(dims: str, long_name: str, rules: str = "") -> Variable:
-    """Row of codes."""
-    return _row("u1", dims, "1", long_name, rules)
-
-
-def u2(dims: str, long_name: str, flags: Mapping[str, int]) -> Variable:
-    """Row of quality flags: ``flag_masks`` and ``flag_meanings``, the masks of the variable's own type (CF 3.5)."""
-    masks = np.array(list(flags.values()), dtype=np.uint16)
-    return _row("u2", dims, "1", long_name, attrs={"flag_masks": masks, "flag_meanings": " ".join(flags)})
-
-
-def _row(dtype: str, dims: str, units: str, long_name: str, rules: str = "", **more: Any) -> Variable:
-    words = set(rules.split())
-    if unknown := words - {"required", "missing", "positive", "nonnegative"}:
-        raise ValueError(f"{long_name}: unknown rules {unknown}")
-    limit: Limit | None = "positive" if "positive" in words else "not negative" if "nonnegative" in words else None
-    required, missing = "required" in words, "missing" in words
-    own = tuple(dims.split())
-    return Variable(own, dtype, units, long_name, required=required, limit=limit, missing=missing, **more)
+    In place of a unit "text", "u1" (a code), "flags" or "epoch". Rules, with commas: "required", "missing",
+    "positive", "nonnegative", and "cf NAME", its standard name.
+    """
+    groups: dict[str, dict[str, Variable]] = {}
+    group = ""
+    for line in text.split("\n"):
+        if line.startswith("["):
+            group = line.strip("[]")
+        elif line:
+            found = _ROW.fullmatch(line)
+            if found is None:
+                raise ValueError(f"{line!r} is no row of a table of variables")
+            name, places, unit, given, meaning = found.groups("")
+            dims, *also = (tuple(re.findall(r"\w+", place)) for place in places.split("|"))
+            dtype, units, attrs = _TYPES.get(unit, ("f8", unit, {}))
+            rules: dict[str, Any] = {}
+            for rule in filter(None, given.split(", ")):
+                rules |= {"standard_name": rule[3:]} if rule.startswith("cf ") else _RULES[rule]
+            row = Variable(dims, dtype, units, meaning, attrs=attrs, also=tuple(also), **rules)
+            groups.setdefault(group, {})[name] = row
+    return groups
 
 
 _SPELLINGS = {
-    "1": ("", "dimensionless"),
-    "rad": ("radian", "radians"),
-    "s": ("sec", "second", "seconds"),
-    "m": ("meter", "metre", "meters", "metres"),
-    "K": ("kelvin", "Kelvin"),
-    "kg": ("kilogram", "kilograms"),
-    "m s-2": ("m/s2", "m/s^2", "m s^-2", "m s**-2", "m/s**2", "m.s-2"),
-    "m s-1": ("m/s", "m s^-1", "m s**-1", "m.s-1"),
-    "s-1": ("1/s", "s^-1", "s**-1", "Hz"),
-    "rad s-1": ("rad/s", "rad s^-1", "rad s**-1", "rad.s-1", "radian s-1", "radians per second"),
-    "m2 s-4": ("m2/s4", "m^2/s^4", "m2 s^-4", "m**2 s**-4"),
-    "rad2": ("rad^2", "rad**2"),
-    "rad2 s": ("rad^2 s", "rad**2 s", "rad2/Hz", "rad^2/Hz"),
-    "kg m-3": ("kg/m3", "kg/m^3", "kg m^-3", "kg m**-3"),
-    "s day-1": ("s/day", "s d-1", "s/d"),
-    "s K-1": ("s/K",),
-    "N m-1": ("N/m",),
-    "mm rad-1": ("mm/rad",),
-    "mm s-1": ("mm/s",),
-    "mm px-1": ("mm/px",),
-    "degrees": ("degree", "deg"),
-    "degrees_north": ("degree_north", "degree_N", "degrees_N"),
-    "degrees_east": ("degree_east", "degree_E", "degrees_E"),
-    "mGal": ("milligal",),
+    "rad": "radian radians",
+    "s": "sec second seconds",
+    "m": "meter metre meters metres",
+    "K": "kelvin Kelvin",
+    "kg": "kilogram kilograms",
+    "day": "d",
+    "degrees": "degree deg",
+    "degrees_north": "degree_north degree_N degrees_N",
+    "degrees_east": "degree_east degree_E degrees_E",
+    "mGal": "milligal",
 }
-_MEANING = {spelling: unit for unit, others in _SPELLINGS.items() for spelling in (unit, *others)}
+_MEANING = {spelling: unit for unit, others in _SPELLINGS.items() for spelling in others.split()}
+_FACTOR = re.compile(r"(/|per )?([A-Za-z_]+|1\b)(?:\^|\*\*)?(-?\d+)?[ .]?")
 _SINCE = re.compile(r"(?:s|sec|second|seconds) since [-+]?\d{1,4}-\d{1,2}-\d{1,2}(?:[T ].*)?")
+
+
+def _powers(unit: str) -> Counter[str] | None:
+    """Power of each unit in a product of powers; None if it is no such product."""
+    if "".join(each[0] for each in _FACTOR.finditer(unit)) != unit:
+        return None
+    powers: Counter[str] = Counter()
+    for under, name, power in _FACTOR.findall(unit):
+        one, sign = ("s", -1) if name == "Hz" else (_MEANING.get(name, name), 1)
+        powers[one] += sign * (-1 if under else 1) * int(power or 1)
+    del powers["1"], powers["dimensionless"]
+    return powers
 
 
 def same_unit(given: object, wanted: str) -> bool:
@@ -107,4 +120,4 @@ def same_unit(given: object, wanted: str) -> bool:
     text = given.strip()
     if " since " in wanted:
         return _SINCE.fullmatch(text) is not None
-    return _MEANING.get(text, text) == wanted
+    return text == wanted or (len(text) < 40 and _powers(text) == _powers(wanted) is not None)

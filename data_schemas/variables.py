@@ -8,28 +8,22 @@ summary stand at the root of its file and under ``summary/`` here.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from . import variables_record, variables_result, variables_truth
-from .variable import Variable, f8
-
-__all__ = ["VARIABLES", "Variable", "add_constant", "attributes", "dataset", "rows_of"]
+from .variable import Variable as Variable
+from .variable import tables
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_TIME = f8(
-    "time", "seconds since 2000-01-01T00:00:00Z", "time of the sample, from the start of the record", "required",
-    standard_name="time", attrs={"calendar": "standard", "axis": "T"},
-)  # fmt: skip
-_GROUPS: dict[str, dict[str, Variable]] = {"": {"time": _TIME}} | {
-    group: dict(rows)
-    for table in (variables_record, variables_truth, variables_result)
-    for group, rows in table.GROUPS.items()
-}
+_TIME = tables("time(time) epoch [required, cf time]: time of the sample, from the start of the record")[""]["time"]
+_TIME = replace(_TIME, attrs={**_TIME.attrs, "axis": "T"})
+_GROUPS = {"": {"time": _TIME}} | variables_record.GROUPS | variables_truth.GROUPS | variables_result.GROUPS
 _ROWS = {f"{group}/{name}".lstrip("/"): row for group, rows in _GROUPS.items() for name, row in rows.items()}
 VARIABLES: Mapping[str, Variable] = MappingProxyType(_ROWS)
 
@@ -42,7 +36,7 @@ def rows_of(group: str) -> Mapping[str, Variable]:
 def add_constant(name: str, units: str, long_name: str) -> None:
     """Add a number of /instrument, and its standard deviation, to the table: a correction of one's own may need it."""
     for own, meaning in ((name, long_name), (f"{name}_uncertainty", f"standard deviation of {name}")):
-        row = _ROWS.setdefault(f"instrument/{own}", f8("", units, meaning))
+        row = _ROWS.setdefault(f"instrument/{own}", Variable((), "f8", units, meaning))
         _GROUPS["instrument"].setdefault(own, row)
 
 

@@ -6,9 +6,8 @@ Only scenes that need a general integrator come here, and only here are systems 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,8 +27,7 @@ from synth.systems.terms import Impulses
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
 
-@dataclass(frozen=True)
-class Assembly:
+class Assembly(NamedTuple):
     """Equations of motion with their start."""
 
     system: Any  # Of `synth.systems`.
@@ -70,39 +68,39 @@ def assemble(
     terms, sideways, upwards = terms_of(pendulums), _harmonics(motion), _harmonics(vertical)
     own, even = np.array(frequencies), np.ones(len(frequencies))
     swing = np.array([_start(each, n, motion, gravity) for each, n in zip(pendulums, frequencies, strict=True)]).ravel()
-    if isinstance(support, BoardSupport):
-        from synth.systems.metronomes import Metronomes
+    system: Any
+    match support:
+        case BoardSupport():
+            from synth.systems.metronomes import Metronomes
 
-        system: Any = Metronomes(own, support.coupling, terms, scene.gravity, upwards)
-        lever = -support.coupling * float(np.mean(scene.gravity / own**2))
-        return Assembly(system, swing, _kicks(system, pendulums, even), board=lever)
-    if not isinstance(support, BeamSupport | FrameSupport):
-        law = Sine() if scene.restoring == "sine" else Linear()
-        impulses = None if kicks is None else _impulses(kicks, own, end)
-        system = DrivenPendulums(own, gravity, law, sideways, upwards, terms, impulses)
-        return Assembly(system, swing, _kicks(system, pendulums, even))
-    from synth.systems.yielding import ElasticBeam, FlexibleFrame
+            system = Metronomes(own, support.coupling, terms, scene.gravity, upwards)
+            lever = -support.coupling * float(np.mean(scene.gravity / own**2))
+            return Assembly(system, swing, _kicks(system, pendulums, even), board=lever)
+        case BeamSupport() | FrameSupport():
+            from synth.systems.yielding import ElasticBeam, FlexibleFrame
 
-    masses = np.array([float(each.mass or 0.0) for each in pendulums])
-    lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
-    start = np.concatenate([[support.displacement, support.velocity], swing])
-    kind, loss = (
-        (FlexibleFrame, support.resistance)
-        if isinstance(support, FrameSupport)
-        else (ElasticBeam, support.damping_rate)
-    )
-    system = kind(support.mass, masses, lengths, support.stiffness, loss, scene.gravity, terms, sideways, upwards)
-    if isinstance(support, FrameSupport) or support.equations == "full":
-        return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
-    from synth.systems.reduced_beam import reduced
+            masses = np.array([float(each.mass or 0.0) for each in pendulums])
+            lengths = np.array([scene.reference_gravity * (each.period / (2 * np.pi)) ** 2 for each in pendulums])
+            given = support.mass, masses, lengths, support.stiffness
+            at_sea = scene.gravity, terms, sideways, upwards
+            start = np.concatenate([[support.displacement, support.velocity], swing])
+            if isinstance(support, FrameSupport):
+                system = FlexibleFrame(*given, support.resistance, *at_sea)
+            else:
+                system = ElasticBeam(*given, support.damping_rate, *at_sea)
+                if support.equations == "reduced":
+                    from synth.systems.reduced_beam import reduced
 
-    reduction = reduced(system)
-    return Assembly(reduction.system, start / reduction.units, None, reduction.time_scale, reduction.units)
-
-
-def _impulses(kicks: Kicks, own: Floats, end: float) -> Impulses:
-    kept, angles, rates = (np.ascontiguousarray(each.T) for each in kicks.changes(0, int(end / kicks.step)))
-    return Impulses(float(kicks.step), kept, angles, rates * own)
+                    small = reduced(system)
+                    return Assembly(small.system, start / small.units, None, small.time_scale, small.units)
+            return Assembly(system, start, _kicks(system, pendulums, masses * lengths**2))
+    impulses = None
+    if kicks is not None:
+        kept, angles, rates = (np.ascontiguousarray(each.T) for each in kicks.changes(0, int(end / kicks.step)))
+        impulses = Impulses(float(kicks.step), kept, angles, rates * own)
+    law = Sine() if scene.restoring == "sine" else Linear()
+    system = DrivenPendulums(own, gravity, law, sideways, upwards, terms, impulses)
+    return Assembly(system, swing, _kicks(system, pendulums, even))
 
 
 def _harmonics(motion: HarmonicSum) -> Harmonics | None:
@@ -131,8 +129,7 @@ def _kicks(system: Any, pendulums: Sequence[Pendulum], inertias: Floats) -> Any:
         return None
     from synth.integrators.events import escapement
 
-    number, angle, energy, direction = (np.array(column) for column in zip(*kicking, strict=True))
-    return escapement(system, number, angle, energy, direction)
+    return escapement(system, *(np.array(column) for column in zip(*kicking, strict=True)))
 
 
 _MODULES: dict[Propagator, str] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from data_schemas.errors import SceneError
@@ -29,7 +28,7 @@ _LOOKED_AFTER = {
     "kick_intensity", "escapement", "plane",
 }  # fmt: skip
 _HARDLY_SWINGS = 0.5  # of the frequency: from this damping rate on, the closed form would lose digits
-_SUPPORTS = {"fixed": FIXED, "beam": BEAM, "frame": FRAME, "board": BOARD}
+_SUPPORTS = {"fixed": FIXED, "beam": BEAM, "reduced": REDUCED_BEAM, "frame": FRAME, "board": BOARD}
 
 
 def needs(scene: Scene) -> tuple[str, ...]:
@@ -43,6 +42,9 @@ def needs(scene: Scene) -> tuple[str, ...]:
     ('the linear law', 'a fixed support')
     """
     pendulums = scene.pendulums
+    support: str = scene.support.kind
+    if scene.support.kind == "beam" and scene.support.equations == "reduced":
+        support = "reduced"
     drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
     vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
     vertical |= scene.case is not None and scene.case.roll is not None
@@ -58,7 +60,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
         HANDLING: bool(scene.events),
         PLANES: any(each.plane for each in pendulums),
         CHANGING: scene.gravity_course is not None or scene.conditions.tide,
-        _support(scene): True,
+        _SUPPORTS[support]: True,
         UNEVEN: scene.recording.jitter > 0,
     }
     return tuple(name for name, is_asked in asked.items() if is_asked)
@@ -69,12 +71,6 @@ def _own_terms(pendulum: Pendulum) -> list[str]:
     fields = type(pendulum).model_fields.items()
     given = (name for name, field in fields if getattr(pendulum, name) != field.default)
     return [RESISTANCES.get(name, name) for name in given if name not in _LOOKED_AFTER]
-
-
-def _support(scene: Scene) -> str:
-    if scene.support.kind == "beam" and scene.support.equations == "reduced":
-        return REDUCED_BEAM
-    return _SUPPORTS[scene.support.kind]
 
 
 _KINKED = {*RESISTANCES.values()}
@@ -106,15 +102,13 @@ _SMOOTH_AIM, _KINKED_AIM = 1e-13, 1e-11  # a kink in the forces costs ever more 
 _STIFF = 100.0  # rates of the equations above the fastest swing from which Radau's few costly steps are the cheaper
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(NamedTuple):
     """A propagator."""
 
     propagator: Propagator  # Its name in a scene
     why: str  # In one line
     instead: tuple[Propagator, ...] = ()  # Who may stand in for it, in this order, should it refuse
-    aim: float = _SMOOTH_AIM
-    """Tolerance for integrators where the scene gives none: about what an hour of swings allows."""
+    aim: float = _SMOOTH_AIM  # Tolerance for integrators where the scene gives none: what an hour of swings allows
 
     @property
     def integrates(self) -> bool:

@@ -2,7 +2,7 @@
 
 A member depends on the ensemble's seed and its own number only: not on how many members there are, in which order or by
 how many processes they are made. Each varied key draws from a generator of its own, so that a further one changes no
-other.
+other. Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
 """
 
 from __future__ import annotations
@@ -11,17 +11,23 @@ import csv
 import difflib
 import io
 import math
+import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Mapping
+import signal
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
 
 from data_schemas.contents import shown, to_tree
-from data_schemas.errors import FileError, SceneError, UsageError
+from data_schemas.errors import FileError, IsochronyError, SceneError, UsageError
 from data_schemas.reading import skim
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import one_line
@@ -29,17 +35,22 @@ from data_schemas.writing import write_text
 from synth.recording.observe import history
 from synth.seeds import generator
 from synth.streaming import simulate_to, simulated
-from synth.workers import in_order
 
 if TYPE_CHECKING:
     import xarray as xr
 
+Job = TypeVar("Job")
+Result = TypeVar("Result")
 Range = tuple[float, float]
 Vary = Mapping[str, Range | Callable[[np.random.Generator], Any]]
 """What varies: keys of a scene by dotted path, such as ``pendulums.0.start.phase``, lists counted from 0. A pair is
 drawn from evenly (ends included for whole numbers); a callable is given a generator of random numbers."""
 
-_OWN = ("seed", "record_id")  # every member has its own anyway
+
+class WorkerError(IsochronyError):
+    """A worker process died, of a lack of memory or by a signal."""
+
+    exit_status = 70
 
 
 def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | None = None) -> Iterator[Scene]:
@@ -63,7 +74,8 @@ def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Va
         raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
     given = scene.model_dump(mode="json")
     for key, how in (vary or {}).items():
-        _checked(key, how, _place(given, key))
+        section, last = _place(given, key)
+        _refuse_range(key, how, section[last])
     return (member(scene, number, seed=seed, vary=vary) for number in range(1, count + 1))
 
 
@@ -99,27 +111,23 @@ def _place(values: dict[str, Any], key: str) -> tuple[Any, Any]:
         try:
             within = section[place]
         except (KeyError, IndexError, TypeError):
-            raise SceneError(f"vary {key}: {_absent(word, section)}") from None
+            if isinstance(section, dict) and section:
+                near = difflib.get_close_matches(word, list(section), n=1, cutoff=0.0)
+                fault = f"there is no {word!r} in this scene; did you mean {near[0]!r}?"
+            elif isinstance(section, list) and section:
+                fault = f"{word!r} is none of its parts, which are counted from 0 to {len(section) - 1}"
+            else:
+                fault = f"there is nothing below it; leave {word!r} out, or give the scene what is to vary"
+            raise SceneError(f"vary {key}: {fault}") from None
     return section, place
 
 
-def _absent(word: str, section: Any) -> str:
-    if isinstance(section, dict) and section:
-        near = difflib.get_close_matches(word, list(section), n=1, cutoff=0.0)
-        return f"there is no {word!r} in this scene; did you mean {near[0]!r}?"
-    if isinstance(section, list) and section:
-        return f"{word!r} is none of its parts, which are counted from 0 to {len(section) - 1}"
-    return f"there is nothing below it; leave {word!r} out, or give the scene what is to vary"
-
-
-def _checked(key: str, how: Range | Callable[..., Any], place: tuple[Any, Any]) -> None:
-    section, last = place
-    now = section[last]
-    if key in _OWN:
+def _refuse_range(key: str, how: Range | Callable[..., Any], now: Any) -> None:
+    if key in ("seed", "record_id"):
         raise SceneError(f"vary {key}: every member has its own anyway; leave it out")
     if callable(how):
         return
-    if isinstance(now, bool | dict | list) or (isinstance(now, str) and _ratio(now) is None):
+    if isinstance(now, bool | dict | list) or (isinstance(now, str) and not _is_ratio(now)):
         raise SceneError(f"vary {key}: is no number; name a key that holds one")
     low, high = how
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
@@ -137,12 +145,12 @@ def _drawn(chance: np.random.Generator, how: Range, now: Any) -> float | int | F
     return Fraction(drawn).limit_denominator(10**9) if isinstance(now, str) else drawn
 
 
-def _ratio(text: str) -> Fraction | None:
-    """What a scene writes for a rate, such as 25 or 25/3."""
+def _is_ratio(text: str) -> bool:
+    """Whether it is what a scene writes for a rate, such as 25 or 25/3."""
     try:
-        return Fraction(text)
+        return Fraction(text) is not None
     except (ValueError, ZeroDivisionError):
-        return None
+        return False
 
 
 class Member(NamedTuple):
@@ -172,8 +180,7 @@ def simulate_ensemble(
         What else differs: keys of the scene by dotted path, such as ``pendulums.0.start.phase`` (lists counted from 0),
         with a pair (low, high), drawn from evenly, or a callable that is given a `numpy.random.Generator`.
     workers
-        Processes. With more than one, a script must be startable by others, that is have its work under
-        ``if __name__ == "__main__":``.
+        Processes. With more than one, a script must have its work under ``if __name__ == "__main__":``.
 
     Returns
     -------
@@ -204,10 +211,14 @@ def simulate_ensemble(
     1 linear-0001 True
     2 linear-0002 True
     """
-    if workers < 1:
-        raise UsageError(f"workers = {workers}: give 1 or more")
+    _refuse_workers(workers)
     pairs = in_order(simulated, member_scenes(scene, members, seed=seed, vary=vary), min(workers, members))
     return (Member(number, to_tree(record), to_tree(truth)) for number, (record, truth) in enumerate(pairs, start=1))
+
+
+def _refuse_workers(workers: int) -> None:
+    if workers < 1:
+        raise UsageError(f"workers = {workers}: give 1 or more")
 
 
 class Written(NamedTuple):
@@ -272,8 +283,7 @@ def write_ensemble(
     WorkerError
         If a process dies.
     """
-    if workers < 1:
-        raise UsageError(f"workers = {workers}: give 1 or more")
+    _refuse_workers(workers)
     name = scene.record_id if name is None else name
     manifest = Path(folder) / f"{name}.ensemble.csv"
     jobs = [
@@ -299,23 +309,17 @@ def _write(job: _Job) -> None:
 
 
 def _is_made(job: _Job) -> bool:
-    """Whether both files of a member are there, whole and of its scene; neither or one of them: no.
-
-    `FileError` if a file is something else.
-    """
-    there = 0
-    scene = job.scene
-    for path, attribute, wanted in (
-        (job.record, "history", history(scene)),
-        (job.truth, "scene", scene.model_dump_json()),
-    ):
+    """Whether both files of a member are there, whole and of its scene; `FileError` if one is something else."""
+    scene, there = job.scene, 0
+    wanted = (job.record, "history", history(scene)), (job.truth, "scene", scene.model_dump_json())
+    for path, attribute, content in wanted:
         if not path.exists():
             continue
         try:
             contents, _ = skim(path)
         except FileError as error:
             raise FileError(f"{error}; or give --force (overwrite=True) to make it anew") from None
-        if contents[""].attrs.get(attribute) != wanted:
+        if contents[""].attrs.get(attribute) != content:
             raise FileError(
                 f"{shown(path, 400)}: exists already, of another scene or seed; give --force (overwrite=True) to "
                 "replace it, or choose another folder"
@@ -333,3 +337,46 @@ def _table(jobs: list[_Job], keys: list[str]) -> str:
         varied = [value(job.scene, key) for key in keys]
         table.writerow([number, job.scene.seed, *varied, job.record.name, job.truth.name])
     return text.getvalue()
+
+
+def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
+    """Results of a function of some module for each job, in the order of the jobs.
+
+    Jobs are taken as they are needed: no more than two to a worker are ahead of the results. With one worker all is
+    done in this process. `WorkerError` if a worker dies; what the function raises comes at its job's turn.
+    """
+    if workers == 1:
+        yield from map(function, jobs)
+        return
+    ahead: deque[Future[Result]] = deque()
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
+    try:
+        for job in jobs:
+            ahead.append(pool.submit(_run, function, job))
+            if len(ahead) == 2 * workers:
+                yield ahead.popleft().result()
+        while ahead:
+            yield ahead.popleft().result()
+    except BrokenProcessPool:
+        raise WorkerError(
+            "a worker process died before it was done; run the same again, with fewer workers if memory is short (in a "
+            "script, start it under: if __name__ == '__main__')"
+        ) from None
+    finally:
+        for process in [*(pool._processes or {}).values()]:  # those that still work on what nobody waits for
+            process.terminate()
+        pool.shutdown(cancel_futures=True)
+
+
+def _run(function: Callable[[Job], Result], job: Job) -> Result:
+    """One job; a worker that is ended leaves: the executor would take that for an answer, and give it the next."""
+    try:
+        return function(job)
+    except SystemExit:
+        os._exit(0)
+
+
+def _begin() -> None:
+    """Of a worker: Ctrl-C reaches all, but who started it ends it, and in order: nothing half-written stays."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())

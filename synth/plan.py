@@ -15,8 +15,7 @@ from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMot
 from synth.choice import NAMES, Choice, choose, needs
 from synth.kicks import Kicks, kicks
 from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
-from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant
-from synth.motion.sea import sea
+from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant, sea
 from synth.motion.tabulated import tabulated
 from synth.pendulums.linear import Response, respond
 from synth.propagators.times import EvenTimes, UnevenTimes
@@ -65,7 +64,7 @@ class Plan:
         """What to know of a yielding support's start before believing the motion, or None."""
         if self.scene.support.kind == "fixed":
             return None
-        from synth.systems.symmetry import CAUTION, symmetric
+        from synth.systems.starts import CAUTION, symmetric
 
         equations = self.assembly()
         return CAUTION if symmetric(equations.system, equations.start) else None
@@ -104,7 +103,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
             raise SceneError(str(refusal)) from None
 
     def fastest() -> float:
-        from synth.systems.rates import fastest_rate  # only here: it brings numba
+        from synth.systems.starts import fastest_rate  # only here: it brings numba
 
         equations = assembly()
         return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +18,9 @@ from synth.recording.clock import Clock
 CLOSED_FORM_ERROR = 1e-15
 WORST_ERROR = 1e-6  # Of the largest angle: what is estimated to be worse is no truth, and the scene is refused
 
-Angles = tuple[Floats, float, str]
-"""At all moments of a clock, recorded or not: (pendulums, moments) rad and, on a support that yields, its displacement
-in m as the last row; estimated error of the largest angle; propagator."""
 
-
-@dataclass(frozen=True)
-class SampledMotion:
-    """What happened."""
+class SampledMotion(NamedTuple):
+    """What happened, at samples."""
 
     theta: Floats  # (pendulums, samples) angles, rad
     free: Phasors | None
@@ -52,60 +47,61 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
     message holds their reasons.
     """
     planes, count = plan.planes or (plan,), len(plan.frequencies)
-    whole = [] if plan.choice.propagator == "closed-form" else [_angles(each, clock) for each in planes]
+    in_closed_form = plan.choice.propagator == "closed-form"
+    whole = [] if in_closed_form else [_angles(each, clock) for each in planes]
     error = max((each[1] for each in whole), default=CLOSED_FORM_ERROR)
+    propagator = whole[0][2] if whole else plan.propagator
     if not error <= _worst(plan):
         raise SceneError(
             "pendulums: the motion is chaotic or nearly so, its estimated error is"
             f" {error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
             " shorter, or give simulation.tolerance if that will do"
         )
+    responses = [(each.responses, each.motion.angular_frequency) for each in planes]
+    answers_slowly = bool(plan.responses) and bool(plan.motion.angular_frequency.size or not plan.choice.integrates)
     done = 0
-    for part in clock.portions(count):
-        here = slice(done, done + part.times.count)
+    for part in clock.chunks():
+        here, times, kept = slice(done, done + part.times.count), part.times, part.kept
         done = here.stop
         if not part.count:
             continue
-        if whole:
-            rows = [angles[:, here] for angles, _, _ in whole]
+        free = slow = None
+        if in_closed_form:
+            rows = np.vstack([times.elongation(*each) for each in responses])
+            free = np.array([times.free_harmonic(one, w)[kept] for own, w in responses for one in own])
         else:
-            rows = [part.times.elongation(each.responses, each.motion.angular_frequency) for each in planes]
-        propagator = whole[0][2] if whole else plan.propagator
-        yield part, _sampled(plan, part, (np.vstack(rows), error, propagator))
+            rows = np.vstack([angles[:, here] for angles, _, _ in whole])
+            slow = np.vstack([times.slow(*each) for each in responses])[:, kept] if answers_slowly else None
+        theta = rows[:count, kept]
+        for place, begin, end, angle in held(plan.scene, plan.kicks):
+            theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
+        yield (
+            part,
+            SampledMotion(
+                theta,
+                free,
+                slow,
+                times.acceleration(plan.motion)[kept],
+                times.acceleration(plan.vertical)[kept],
+                error,
+                propagator,
+                rows[count, kept] if len(rows) > count else None,
+                None if plan.gravity_change is None else times.acceleration(plan.gravity_change)[kept],
+            ),
+        )
 
 
 def _worst(plan: Plan) -> float:
     return WORST_ERROR if plan.tolerance is None else max(WORST_ERROR, plan.tolerance)
 
 
-def _sampled(plan: Plan, part: Clock, angles: Angles) -> SampledMotion:
-    """What happened at the samples of a chunk, given the angles at all its moments."""
-    times, kept, planes, count = part.times, part.kept, plan.planes or (plan,), len(plan.frequencies)
-    rows, error, propagator = angles
-    theta = rows[:count, kept]
-    for place, begin, end, angle in held(plan.scene, plan.kicks):
-        theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
-    free = slow = None
-    if plan.choice.propagator == "closed-form":
-        pairs = [(response, each.motion.angular_frequency) for each in planes for response in each.responses]
-        free = np.array([times.free_harmonic(*pair)[kept] for pair in pairs])
-    elif plan.responses and (plan.motion.angular_frequency.size or not plan.choice.integrates):
-        slow = np.vstack([times.slow(each.responses, each.motion.angular_frequency) for each in planes])[:, kept]
-    return SampledMotion(
-        theta,
-        free,
-        slow,
-        times.acceleration(plan.motion)[kept],
-        times.acceleration(plan.vertical)[kept],
-        error,
-        propagator,
-        rows[count, kept] if len(rows) > count else None,
-        None if plan.gravity_change is None else times.acceleration(plan.gravity_change)[kept],
-    )
+def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:
+    """At all moments of a clock, recorded or not, by collocation or a general integrator; where the first refuses or
+    errs too much, by its substitutes.
 
-
-def _angles(plan: Plan, clock: Clock) -> Angles:
-    """By collocation or a general integrator; where the first refuses or errs too much, by its substitutes."""
+    Returned are (pendulums, moments) rad, with the displacement of a support that yields, m, as the last row; the
+    estimated error of the largest angle; the propagator.
+    """
     choice = plan.choice
     if choice.propagator == "picard":
         try:

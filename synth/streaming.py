@@ -16,9 +16,7 @@ from synth.plan import plan
 from synth.propagate import propagate
 from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
-from synth.recording.defects import Defects
-from synth.recording.observe import observe
-from synth.truth import Unwrapping, reveal
+from synth.recording.observe import Unwrapping, observe, reveal
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,10 +29,9 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
     importing xarray takes longer and more memory than most simulations.)
     """
     the_plan = plan(scene, clock)
-    apparatus, defects, unwrapped = Apparatus(the_plan, clock), Defects(scene, clock), Unwrapping()
+    apparatus, unwrapped = Apparatus(the_plan, clock), Unwrapping()
     for part, sampled in propagate(the_plan, clock):
-        record = observe(scene, part, sampled, apparatus, defects)
-        yield record, reveal(part, the_plan, sampled, unwrapped)
+        yield observe(scene, part, sampled, apparatus), reveal(part, the_plan, sampled, unwrapped)
 
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:

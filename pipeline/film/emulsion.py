@@ -46,8 +46,10 @@ class FilmEmulsion:
     blank: Blank  # darkness of blank film, place by place
     curve: ToneCurve  # darkness above blank against exposure
     grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
-    spot: float = 0.0  # px, 1 sigma of the spot as the scan shows it; 0 where it is not known
+    spot: float = 0.0  # px, 1 sigma of the spot on the film; 0 where it is not known
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
+    swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
+    blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
 
     @cached_property
     def _table(self) -> Floats32:
@@ -73,7 +75,7 @@ class FilmEmulsion:
         shown = self.blank.darkness[top : below[-1] + 1]
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
         out = np.empty(pixels.shape, dtype=np.float32)
-        darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), out)
+        darkness_above(pixels, self._table, levels, strip - top, weight.astype(np.float32), np.float32(self.blur), out)
         if self.blank.across is None:
             return out
         added = self.blank.across.over(first, rows, columns)
@@ -166,7 +168,8 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
 
 def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> NDArray[np.float32]:
     """Darkness above blank film of the rows `first` to `stop` of a scan."""
-    return emulsion.darkness(scan.read(first, stop), first)
+    top, bottom = max(first - 1, 0), min(stop + 1, scan.rows)  # the rows beside take part in the blur
+    return emulsion.darkness(scan.read(top, bottom), top)[first - top :][: stop - first]
 
 
 class Blank(NamedTuple):
@@ -210,8 +213,10 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 
-def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> Floats:
-    """Correlation of the grain of pixels beside each other, by their distance from 0 on, px, as blank film shows it.
+def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> tuple[Floats, float]:
+    """Correlation of the grain of pixels beside each other, by their distance from 0 on, px, and its variance.
+
+    As blank film shows it.
 
     What pixels far from each other share is the background's, and a line's place does not feel it.
     """
@@ -229,7 +234,8 @@ def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> Floats:
     alike = products / np.maximum(pairs, 1.0)
     alike -= alike[CLUMPS:].mean()
     faint = np.flatnonzero(alike < FAINT * alike[0])
-    return np.asarray(alike[: faint[0] if faint.size else CLUMPS] / max(float(alike[0]), 1e-12))
+    variance = max(float(alike[0]), 1e-12)
+    return alike[: faint[0] if faint.size else CLUMPS] / variance, variance
 
 
 def _clipped_mean(values: Floats) -> tuple[float, float]:
@@ -261,13 +267,26 @@ def _edge(size: int) -> dict[str, Any]:
 @kernel
 def darkness_above(
     pixels: NDArray[np.uint16], table: Floats32, levels: Floats32, strip: NDArray[np.int64], weight: Floats32,
-    out: Floats32,
+    blur: np.float32, out: Floats32,
 ) -> None:  # fmt: skip
-    """Darkness above blank film, whose `levels` (strips, columns) are that of a row's `strip` and of the next."""
-    for i in range(pixels.shape[0]):
+    """Darkness above blank film, whose `levels` (strips, columns) are that of a row's `strip` and of the next.
+
+    The scanner blurred the light that came through: what it makes of a Gaussian's half variance `blur` is taken out to
+    the first order, `blur` times the Laplacian.
+    """
+    rows, columns = pixels.shape
+    last = table.size - 2
+    for i in range(rows):
         upper, lower, share = levels[strip[i]], levels[min(strip[i] + 1, levels.shape[0] - 1)], weight[i]
-        for j in range(pixels.shape[1]):
-            out[i, j] = table[pixels[i, j]] - (upper[j] + share * (lower[j] - upper[j]))
+        above, here, below = pixels[max(i - 1, 0)], pixels[i], pixels[min(i + 1, rows - 1)]
+        for j in range(columns):
+            value = np.float32(here[j])
+            if blur > 0.0:
+                beside = np.float32(here[max(j - 1, 0)]) + np.float32(here[min(j + 1, columns - 1)])
+                value += blur * (np.float32(4.0) * value - beside - np.float32(above[j]) - np.float32(below[j]))
+            index = min(max(int(value), 0), last)
+            dark = table[index] + (value - index) * (table[index + 1] - table[index])
+            out[i, j] = dark - (upper[j] + share * (lower[j] - upper[j]))
 
 
 @kernel

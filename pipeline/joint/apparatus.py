@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Solution, is_mode
+from pipeline.joint.constants import Constant, Constants, Solution, is_mode
 from pipeline.joint.problem import Problem
 
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
@@ -28,13 +28,10 @@ UNITS = {
 }
 
 
-def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
+def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     """What is not exactly known: zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty.
 
-    Parameters
-    ----------
-    known : mapping
-        What /instrument states; see `pipeline.observation.instrument`.
+    `known`: what /instrument states; see `pipeline.observation.instrument`.
     """
     stated, gravity, traces = known["constants"], float(known["reference_gravity"]), range(problem.traces)
     across, up = "horizontal_acceleration", "vertical_acceleration"
@@ -67,7 +64,7 @@ def constants(problem: Problem, known: dict[str, Any]) -> tuple[Constant, ...]:
     return tuple(found)
 
 
-def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[Constant]:
+def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     """What may be wrong all along, beside constants that are sought already.
 
     Of gains and periods only as many show as there are differences: one more would be the scale of all, which nothing
@@ -95,11 +92,9 @@ def faults(problem: Problem, own: tuple[Constant, ...], *, sine: bool) -> list[C
 def steps(problem: Problem, times: Floats) -> list[Constant]:
     """Steps of each zero, of the clock and of each pendulum's speed (which, the readings hardly tell) at times, s."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
-    found += [
-        Constant(f"knock of a pendulum at {at:.1f} s", kinds.KNOCK, KNOCK, i, centre=float(at))
-        for at in times
-        for i in range(problem.pendulums)
-    ]
+    for at in times.tolist():
+        words = f"knock of a pendulum at {at:.1f} s"
+        found += [Constant(words, kinds.KNOCK, KNOCK, i, centre=at) for i in range(problem.pendulums)]
     return [*found, *(step_of_clock(float(at)) for at in times)]
 
 
@@ -113,7 +108,7 @@ def step_of_zero(trace: int, at: float) -> Constant:
     return Constant(f"step of trace {trace + 1} at {at:.1f} s", kinds.STEP, ZERO, trace, centre=at)
 
 
-def found(solution: Solution) -> list[str]:
+def faults_found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
     shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CUBIC + 1))
     deviations = np.sqrt(np.diag(solution.covariance))

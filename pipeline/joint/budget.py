@@ -45,18 +45,9 @@ PLACES = 256  # moments at which a zero that drifts or steps is squared
 
 
 def shares(fit: Fitted, whole: float) -> dict[str, float]:
-    """Of the variance of mean gravity, by source.
+    """Shares of each source in the variance of mean gravity; they add up to 1.
 
-    Parameters
-    ----------
-    fit : Fitted
-    whole : float
-        That variance over gravity's square: of all explanations, with all doubts.
-
-    Returns
-    -------
-    dict
-        Source to share; they add up to 1.
+    `whole`: that variance over gravity's square, of all explanations, with all doubts.
     """
     constants, covariance = fit.solution.constants, fit.solution.covariance
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
@@ -67,7 +58,9 @@ def shares(fit: Fitted, whole: float) -> dict[str, float]:
             found[SOURCES[each.kind]] = found.get(SOURCES[each.kind], 0.0) + (of / each.prior) ** 2
     own = float(along @ row)
     if any(is_knot(each) for each in constants):
-        found["course"] = _of_course(fit, along)
+        rows = [k for k, each in enumerate(constants) if is_knot(each)]
+        root = prior_root(constants, fit.model.course)[np.ix_(rows, rows)]
+        found["course"] = float(np.sum(np.linalg.solve(root, along[rows]) ** 2))
     left, assumed = max(own - sum(found.values()), 0.0), fit.model.assumed
     kicked = _of_noise(fit, row, own, replace(assumed, kick=LARGER * assumed.kick)) if assumed.kick.any() else 0.0
     read = _of_noise(fit, row, own, replace(assumed, noise=LARGER * assumed.noise))
@@ -89,12 +82,6 @@ def _of_noise(fit: Fitted, row: Floats, variance: float, larger: Assumed) -> flo
         return 0.0
     growth = math.log(float(row @ solution.covariance @ row) / variance)
     return variance * min(max(growth / (2.0 * math.log(LARGER)), 0.0), 1.0)
-
-
-def _of_course(fit: Fitted, along: Floats) -> float:
-    rows = [k for k, each in enumerate(fit.solution.constants) if is_knot(each)]
-    root = prior_root(fit.solution.constants, fit.model.course)[np.ix_(rows, rows)]
-    return float(np.sum(np.linalg.solve(root, along[rows]) ** 2))
 
 
 def parts(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:

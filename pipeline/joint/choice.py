@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
 
 from pipeline.joint import apparatus, kicks, kinds, motion
-from pipeline.joint.constants import Constant, solve
+from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, grown, priced, shifted
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, likelier, priced, shifted
 from pipeline.joint.outliers import stretch
-from pipeline.joint.unresolved import unresolved
+from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
 ROUNDS = 8
@@ -39,19 +40,14 @@ REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may ex
 def candidates(fit: Fitted) -> Iterator[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
     shown = fit.solution.log_likelihood + FEIGNED
-    found = _constants(fit)
+    taken = any(is_knot(each) for each in fit.model.constants)
+    found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
     kicked = list(kicks.larger_or_smaller(fit))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
-    steps = _steps(fit) if max(each[0] for each in [*found, *kicked]) > shown else []
+    steps = _steps(fit) if max(each.value for each in [*found, *kicked]) > shown else []
     yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
-    yield from motion.components(fit, slow=max(each[0] for each in [*found, *steps]) > shown)
-
-
-def _constants(fit: Fitted) -> list[Candidate]:
-    """Friction, a course of gravity, faults of the apparatus, all priced by one pass."""
-    taken = any(is_knot(each) for each in fit.model.constants)
-    return _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
+    yield from motion.components(fit, slow=max(each.value for each in [*found, *steps]) > shown)
 
 
 def _possible(fit: Fitted) -> list[Constant]:
@@ -65,48 +61,40 @@ def _possible(fit: Fitted) -> list[Constant]:
     return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
 
 
-def _added(
-    fit: Fitted, extra: list[Constant], course: tuple[Constant, ...] = (), cost: float = FAULT
-) -> list[Candidate]:
+def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:
     """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
 
     A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
     their mean.
     """
-    model = fit.model
-    scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in model.constants)
-    problem, own = model.problem, model.constants
+    model, own = fit.model, fit.model.constants
+    scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in own)
     whole = (*own, *extra, *course)
     root = np.diag([each.prior for each in whole])
     root[: len(own), : len(own)] = prior_root(own, model.course)
-    _, of = problem.run(model.assumed, whole, about=fit.path, root=root)
-    first = list(range(len(own)))
-    found = []
+    _, of = model.problem.run(model.assumed, whole, about=fit.path, root=root)
+    first, found = list(range(len(own))), []
     for name, some in groupby(enumerate(extra, len(own)), key=lambda each: each[1].name):
         places, added = zip(*some, strict=True)
-        rows = [*first, *places]
+        rows, of_one = [*first, *places], added[0].index >= 0
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        for least in (1.0, SMALL) if added[0].kind in SCALES and added[0].index >= 0 else (1.0,):
+        free = added[0].kind == kinds.GAIN and not of_one and scaled
+        for least in (1.0, SMALL) if added[0].kind in SCALES and of_one else (1.0,):
             prior = root[np.ix_(rows, rows)]
             prior[len(own) :, len(own) :] *= least
             constants = (*own, *(replace(each, prior=least * each.prior) for each in added))
             solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
             trial = replace(model, words=(*model.words, name), constants=solution.constants)
-            price = (
-                0.0
-                if added[0].kind == kinds.GAIN and added[0].index < 0 and scaled
-                else cost - LIKELIER * (least < 1.0)
-            )
+            price = 0.0 if free else cost - LIKELIER * (least < 1.0)
             if not feeds(solution.constants):
-                found.append((solution.log_likelihood - price, trial, solution))
+                found.append(Candidate(solution.log_likelihood - price, trial, solution))
     if course:
         rows = [*first, *range(len(whole) - len(course), len(whole))]
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
-        track, solution = best_course((*own, *course), normal, of.totals, problem.lattice.duration)
-        words = (*model.words, "gravity changes")
+        track, solution = best_course((*own, *course), normal, of.totals, model.problem.lattice.duration)
         # two more parameters, of the prior
-        trial = replace(model, words=words, constants=solution.constants, course=track)
-        found.append((solution.log_likelihood - 2.0, trial, solution))
+        trial = replace(model, words=(*model.words, "gravity changes"), constants=solution.constants, course=track)
+        found.append(Candidate(solution.log_likelihood - 2.0, trial, solution))
     return found
 
 
@@ -116,14 +104,14 @@ def _steps(fit: Fitted) -> list[Candidate]:
     low, high = 0.0, lattice.duration
     best: list[Candidate] = []
     shown = fit.solution.log_likelihood - STEP_COST + FEIGNED  # what gains nothing on the coarse grid is not there
-    while high - low > LEAST_STEP * lattice.step and (not best or best[0][0] > shown):
+    while high - low > LEAST_STEP * lattice.step and (not best or best[0].value > shown):
         grid = np.linspace(low, high, STEPS + 2)[1:-1]
         tried = apparatus.steps(fit.model.problem, grid)
         if best:
-            last = best[0][1].constants[-1]
+            last = best[0].model.constants[-1]
             tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
-        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each[0])]
-        at = best[0][1].constants[-1].centre
+        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each.value)]
+        at = best[0].model.constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
 
@@ -136,10 +124,10 @@ def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
         node = int(lattice.node[last]) + 1
         span = stretch(model.problem, node, int(lattice.node[last + 1]))
         here = replace(model, constants=shifted(model.constants, fit.path, span[0]))
-        own = priced(here, fit.path, span=span)[0]
+        own = priced(here, fit.path, span=span).value
         for i in range(model.problem.pendulums):
             knocked = replace(here.assumed, breaks=(*here.assumed.breaks, (node, i)))
-            gain = priced(replace(here, assumed=knocked), fit.path, span=span)[0] - own
+            gain = priced(replace(here, assumed=knocked), fit.path, span=span).value - own
             if gain > best:
                 best, found = gain, (knocked, f"knock of pendulum {i + 1} about {lattice.time[last]:.0f} s")
     if found is not None:
@@ -200,141 +188,126 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
 
 def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """What pays is added, the best first."""
-    found: list[Candidate] = []
+    trials: list[Trial] = []
     for _ in range(ROUNDS):
         fit = motion.pruned(simplified(fit))
-        tried = Tried(fit)
         base = fit.solution.log_likelihood
-        found = [each for each in candidates(fit) if each[0] > base - PAYS]
-        found = [each for each in found if each[0] < base + PAYS or tried.matters(each)]
-        found.sort(key=lambda each: -each[0])
-        taken = tried.taken([each for each in found if each[0] > base + PAYS])
+        trials = [Trial(fit, each) for each in candidates(fit) if each.value > base - PAYS]
+        trials = [each for each in trials if each.candidate.value < base + PAYS or each.matters]
+        trials.sort(key=lambda each: -each.candidate.value)
+        taken = _taken(fit, [each.candidate for each in trials if each.candidate.value > base + PAYS])
         if taken is None:
             break
         fit = motion.reshaped(_with_fade(taken))
-    return fit, [again for each in found if (again := tried.again(each)) is not None]
+    return fit, [again for each in trials if (again := each.again) is not None]
 
 
 def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidate]]:
     """The likeliest of a fit and those that differ from it by a size alone, and the others."""
-    alike = [each for each in close if sorted(each[1].words) == sorted(fit.model.words)]
-    best = max(alike, key=lambda each: each[0], default=None)
-    found = _fitted(fit, best) if best is not None and best[0] > fit.solution.log_likelihood else None
-    if found is None or found.solution.log_likelihood <= fit.solution.log_likelihood:
-        return fit, close
-    return found, [
-        *(each for each in close if each is not best),
-        (fit.solution.log_likelihood, fit.model, fit.solution),
-    ]
+    alike = [each for each in close if sorted(each.model.words) == sorted(fit.model.words)]
+    best = max(alike, key=lambda each: each.value, default=None)
+    ahead = best is not None and best.value > fit.solution.log_likelihood
+    found = likelier(fit, _fitted(fit, best)) if best is not None and ahead else fit
+    return (fit, close) if found is fit else (found, [*(each for each in close if each is not best), fit.candidate()])
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
     """Other constants, and kicks, that explain nearly as well what was taken explains."""
     found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
-    leans: list[tuple[Fitted, list[Candidate]]] = []
-    for taken in model.constants:
-        if taken.kind in REPLACED and not taken.stated:
-            lean = fit.without(taken)
-            others = [each for each in _possible(lean) if each.name != taken.name]
-            tried = [
-                *_added(lean, others, cost=0.0),
-                *(kicks.larger_or_smaller(lean) if taken.kind not in SCALES else ()),
-            ]
-            leans.append((lean, tried))
+    replaced = [each for each in model.constants if each.kind in REPLACED and not each.stated]
+    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced]
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
-        lean = fitted(still, fit.path)
-        leans.append((lean, _added(lean, _possible(lean), cost=0.0)))
-    for lean, tried in leans:
-        for each in tried:
-            other = _fitted(lean, each) if each[0] > least - MUCH else None
-            if other is not None:
-                found.append((other.solution.log_likelihood, other.model, other.solution))
-    return [each for each in found if each[0] > least]
+        leans.append((fitted(still, fit.path), "kicks", False))
+    for lean, name, kicked in leans:
+        others = [each for each in _possible(lean) if each.name != name]
+        for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
+            other = _fitted(lean, each) if each.value > least - MUCH else None
+            if other is not None and other.solution.log_likelihood > least:
+                found.append(other.candidate())
+    return found
 
 
-class Tried:
-    """Candidates beside a fit, each fitted for itself; only what that says of gravity is kept, paths are large."""
+@dataclass(eq=False)
+class Trial:
+    """A candidate beside a fit, fitted for itself; only what that says of gravity is kept, paths are large."""
 
-    def __init__(self, fit: Fitted) -> None:
-        self.fit = fit
-        self._found: dict[int, tuple[Candidate, Candidate | None, float]] = {}
+    fit: Fitted
+    candidate: Candidate
 
-    def of(self, candidate: Candidate) -> tuple[Candidate | None, float]:
-        """A candidate as it is once fitted, None where it explains nothing; and what it leaves in doubt of gravity."""
-        if id(candidate) not in self._found:
-            found = _fitted(self.fit, candidate)
-            after = None if found is None else _as_candidate(candidate, found)
-            hidden = 0.0 if found is None else unresolved(found, found.model.assumed)[1]
-            self._found[id(candidate)] = candidate, after, hidden  # the first is held, that no other has its id
-        return self._found[id(candidate)][1:]
+    @cached_property
+    def after(self) -> tuple[Candidate | None, float]:
+        """The candidate once fitted, None where it explains nothing; and what it leaves in doubt of gravity."""
+        found = _fitted(self.fit, self.candidate)
+        if found is None:
+            return None, 0.0
+        return _priced_again(self.candidate, found), unresolved(found, found.model.assumed)[1]
 
-    def matters(self, candidate: Candidate) -> bool:
+    @property
+    def matters(self) -> bool:
         """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
-        fit = self.fit
-        if len(candidate[1].assumed.ship) == len(fit.model.assumed.ship):
+        fit, candidate = self.fit, self.candidate
+        if len(candidate.model.assumed.ship) == len(fit.model.assumed.ship):
             return True
-        if candidate[0] > fit.solution.log_likelihood + MUCH:
+        if candidate.value > fit.solution.log_likelihood + MUCH:
             return True
-        found, hidden = self.of(candidate)
+        found, hidden = self.after
         if found is None:
             return False
         duration = fit.model.problem.lattice.duration
-        (value, sigma), (other, wider) = (mean_gravity(each, duration) for each in (fit.solution, found[2]))
+        (value, sigma), (other, wider) = (mean_gravity(each.solution, duration) for each in (fit, found))
         return abs(other - value) > HARMLESS * sigma or float(np.hypot(wider, hidden)) > (1.0 + HARMLESS) * sigma
 
-    def taken(self, ahead: list[Candidate]) -> Fitted | None:
-        """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
-        base = self.fit.solution.log_likelihood
-        for number, each in enumerate(ahead):
-            rest = ahead[number + 1 :]
-            far_off = each[0] > base + VERY_MUCH  # the path that it was priced about
-            if far_off:
-                rest = list({other[1].words[-1:]: other for other in reversed(rest)}.values())
-                same = [each, *(other for other in rest if other[1].words[-1:] != each[1].words[-1:])]
-            else:
-                same = [each, *(other for other in rest if _of_scale(each) and _of_scale(other))]
-            fits = [(one, found) for one in same if (found := _fitted(self.fit, one)) is not None]
-            if far_off:
-                fits = [(one, motion.reshaped(found)) for one, found in fits]
-            best = max(fits, key=lambda pair: _as_candidate(*pair)[0], default=None)
-            if best is not None and _as_candidate(*best)[0] > base + PAYS:
-                return best[1]
-        return None
-
-    def again(self, candidate: Candidate) -> Candidate | None:
+    @property
+    def again(self) -> Candidate | None:
         """A close explanation fitted for itself where it is ahead, or has vertical motion, which acts by its path."""
-        more = candidate[1].assumed.ship[len(self.fit.model.assumed.ship) :]
+        more = self.candidate.model.assumed.ship[len(self.fit.model.assumed.ship) :]
         upright = any(each.axis == "vertical" for each in more)
-        if candidate[0] < self.fit.solution.log_likelihood and not upright:
-            return candidate
-        return self.of(candidate)[0]
+        behind = self.candidate.value < self.fit.solution.log_likelihood
+        return self.candidate if behind and not upright else self.after[0]
+
+
+def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
+    """The first that still pays when it is fitted; of gains and periods, and where all gain much, the likeliest."""
+    base = fit.solution.log_likelihood
+    for number, each in enumerate(ahead):
+        far_off = each.value > base + VERY_MUCH  # the path that it was priced about
+        if far_off:  # the best of each kind
+            same = list({other.model.words[-1:]: other for other in reversed(ahead[number:])}.values())[::-1]
+        else:
+            same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
+        fits = [(one, found) for one in same if (found := _fitted(fit, one)) is not None]
+        if far_off:
+            fits = [(one, motion.reshaped(found)) for one, found in fits]
+        best = max(fits, key=lambda pair: _priced_again(*pair).value, default=None)
+        if best is not None and _priced_again(*best).value > base + PAYS:
+            return best[1]
+    return None
 
 
 def _of_scale(candidate: Candidate) -> bool:
     """Whether it adds a gain or a period."""
-    return candidate[1].constants[-1].kind in SCALES
+    return candidate.model.constants[-1].kind in SCALES
 
 
-def _as_candidate(candidate: Candidate, found: Fitted) -> Candidate:
-    cost = candidate[2].log_likelihood - candidate[0]
-    return found.solution.log_likelihood - cost, found.model, found.solution
+def _priced_again(candidate: Candidate, found: Fitted) -> Candidate:
+    """A candidate that was fitted, at the price that it had."""
+    return found.candidate(candidate.solution.log_likelihood - candidate.value)
 
 
 def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
     """A candidate fitted anew; None where it cannot be, or a constant goes far beyond its prior."""
-    model = candidate[1]
-    try:
-        found = fitted(model, grown(fit.path, model.problem.pendulums, model.assumed.ship))
-    except np.linalg.LinAlgError:
+    model = candidate.model
+    found = attempted(model, fit.path)
+    if found is None:
         return None
     own = [each for each in found.model.constants if not is_knot(each) and not each.stated]
     far = any(abs(each.value - each.mean) > FAR * each.prior for each in own)
     return None if far or feeds(found.model.constants) else found
 
 
-def feeds(constants: tuple[Constant, ...]) -> bool:
+def feeds(constants: Constants) -> bool:
     """Whether friction that is not viscous would feed the swing: a wrong damping looks so."""
     return any(
         sum(each.value for each in constants if each.kind == kind) < 0.0 for kind in (kinds.QUADRATIC, kinds.DRY)
@@ -348,7 +321,7 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
     """
     duration = fit.model.problem.lattice.duration
     parts, alike = [], Counter(model.words for _, model, _ in close)
-    for value, model, solution in ((fit.solution.log_likelihood, fit.model, fit.solution), *close):
+    for value, model, solution in (fit.candidate(), *close):
         mean, sigma = mean_gravity(solution, duration)
         shared = 0.0 if model is fit.model else float(np.log(alike[model.words]))
         more, doubt = unresolved(fit, model.assumed)

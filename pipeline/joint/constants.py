@@ -26,14 +26,20 @@ class Constant:
     stated: bool = False  # Whether the record states its uncertainty: the prior is then not to be doubted
 
 
-def columns(constants: tuple[Constant, ...]) -> Columns:
+Constants = tuple[Constant, ...]
+
+
+def columns(constants: Constants) -> Columns:
     """What the kernels take."""
+    kind = np.array([each.kind for each in constants], dtype=np.int64)
     return Columns(
-        np.array([each.kind for each in constants], dtype=np.int64),
+        kind,
         np.array([each.index for each in constants], dtype=np.int64),
         np.array([each.centre for each in constants], dtype=np.float64),
         np.array([each.width for each in constants], dtype=np.float64),
         np.array([each.value for each in constants], dtype=np.float64),
+        np.flatnonzero((kind > kinds.START) & (kind < kinds.ZERO)),
+        np.flatnonzero(kind >= kinds.ZERO),
     )
 
 
@@ -48,7 +54,7 @@ def is_mode(constant: Constant) -> bool:
     return constant.kind == kinds.CLOCK and constant.width > 0.0
 
 
-def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
+def total(constants: Constants, kind: int, size: int) -> Floats:
     """Sum of the values of one kind by what they belong to, (size,); -1 counts for all."""
     out = np.zeros(size)
     for each in constants:
@@ -61,7 +67,7 @@ def total(constants: tuple[Constant, ...], kind: int, size: int) -> Floats:
 class Solution:
     """Posterior of the constants."""
 
-    constants: tuple[Constant, ...]  # With the new values
+    constants: Constants  # With the new values
     step: Floats  # (c,) change from the values before
     covariance: Floats  # (c, c)
     log_likelihood: float  # Marginal, of the readings
@@ -79,7 +85,7 @@ class Solution:
 
 
 def solve(
-    constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float, root: Floats | None = None
+    constants: Constants, normal: Floats, log_deviations: float, count: float, root: Floats | None = None
 ) -> Solution:
     """Least squares of the prediction errors and the priors.
 
@@ -88,41 +94,24 @@ def solve(
     normal : (c + 1, c + 1) array
         Products of derivatives and errors, the errors last.
     log_deviations : float
-        Sum over the readings.
+        Sum over the readings, `count` of them.
     root : (c, c) array, optional
         Root of the priors' covariance where they are not independent.
     """
     if root is None:
         root = np.diag([each.prior for each in constants])
-    factor, whitened, squares = _reduced(constants, normal, root)
+    off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))
+    factor = np.linalg.cholesky(root.T @ normal[:-1, :-1] @ root + np.eye(off.size))  # in units of the priors
+    whitened = np.linalg.solve(factor, -(root.T @ normal[:-1, -1] + off))
+    squares = float(normal[-1, -1] + off @ off - whitened @ whitened)
     moved = root @ np.linalg.solve(factor.T, whitened)
     spread = np.linalg.solve(factor, root.T)
-    found = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
-    likelihood = _log_likelihood(factor, squares, log_deviations, count)
-    return Solution(found, moved, spread.T @ spread, likelihood, squares, int(count))
+    values = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
+    likelihood = -log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi)
+    return Solution(values, moved, spread.T @ spread, float(likelihood), squares, int(count))
 
 
-def log_likelihood(
-    constants: tuple[Constant, ...], normal: Floats, log_deviations: float, count: float, root: Floats
-) -> float:
-    """That of the solution alone."""
-    factor, _, squares = _reduced(constants, normal, root)
-    return _log_likelihood(factor, squares, log_deviations, count)
-
-
-def _reduced(constants: tuple[Constant, ...], normal: Floats, root: Floats) -> tuple[Floats, Floats, float]:
-    """Cholesky factor of the normal matrix in units of the priors, what is right of it, and the squares left."""
-    off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))
-    factor = np.linalg.cholesky(root.T @ normal[:-1, :-1] @ root + np.eye(off.size))
-    whitened = np.linalg.solve(factor, -(root.T @ normal[:-1, -1] + off))
-    return factor, whitened, float(normal[-1, -1] + off @ off - whitened @ whitened)
-
-
-def _log_likelihood(factor: Floats, squares: float, log_deviations: float, count: float) -> float:
-    return float(-log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi))
-
-
-def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> tuple[Constant, ...]:
+def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> Constants:
     """Angle and speed of each pendulum at the first node, within some arc, rad."""
     out = []
     for i in range(pendulums):

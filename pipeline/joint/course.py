@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import Constant, Solution, log_likelihood, solve, spline
+from pipeline.joint.constants import Constant, Constants, Solution, solve, spline
 
 KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
@@ -24,7 +25,7 @@ class Course:
     length: float  # Correlation time, s
 
 
-def knots(duration: float) -> tuple[Constant, ...]:
+def knots(duration: float) -> Constants:
     """Constants of a course, one a knot; one lies outside on either side."""
     least, many, most = KNOTS
     count = int(np.clip(max(min(duration / SPACINGS[0], many), 3.0 + duration / SPACINGS[1]), least, most))
@@ -39,7 +40,7 @@ def is_knot(constant: Constant) -> bool:
     return constant.kind == kinds.GRAVITY and constant.width > 0.0
 
 
-def prior_root(constants: tuple[Constant, ...], course: Course | None) -> Floats:
+def prior_root(constants: Constants, course: Course | None) -> Floats:
     """Root of the covariance of all priors; of a course that is not assumed next to nothing is left."""
     root = np.diag([each.prior for each in constants])
     rows = [k for k, each in enumerate(constants) if is_knot(each)]
@@ -51,17 +52,15 @@ def prior_root(constants: tuple[Constant, ...], course: Course | None) -> Floats
     return root
 
 
-def best_course(
-    constants: tuple[Constant, ...], normal: Floats, totals: Floats, duration: float
-) -> tuple[Course, Solution]:
+def best_course(constants: Constants, normal: Floats, totals: Floats, duration: float) -> tuple[Course, Solution]:
     """The prior that the likelihood likes best, from the normal matrix of one pass."""
-    tried = [Course(float(size), float(part * duration)) for size in SIZES for part in LENGTHS]
     of = constants, normal, float(totals[0]), float(totals[1])
-    best = max(tried, key=lambda course: log_likelihood(*of, prior_root(constants, course)))
-    return best, solve(*of, prior_root(constants, best))
+    priors = (Course(float(size), float(part * duration)) for size, part in product(SIZES, LENGTHS))
+    trials = ((course, solve(*of, prior_root(constants, course))) for course in priors)
+    return max(trials, key=lambda trial: trial[1].log_likelihood)
 
 
-def weights(constants: tuple[Constant, ...], times: Floats) -> Floats:
+def weights(constants: Constants, times: Floats) -> Floats:
     """Rows that give gravity over reference gravity at times since the first node, (n, c)."""
     out = np.zeros((times.size, len(constants)))
     for k, each in enumerate(constants):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds, passes
-from pipeline.joint.constants import Constant, Solution, solve
+from pipeline.joint.constants import Constant, Constants, Solution, solve
 from pipeline.joint.course import Course, prior_root
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
@@ -16,7 +17,6 @@ from pipeline.joint.ship import Component, Ship
 MOST_FITS = 6
 PAYS = 5.0  # in log-likelihood
 STRAIGHT = 0.02  # of the reading noise
-TERMS = 9  # of a series in the square of the swing's turn from node to node, below 2
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
 
@@ -26,10 +26,18 @@ class Model:
 
     words: tuple[str, ...]  # What it adds to the plainest one
     assumed: Assumed
-    constants: tuple[Constant, ...]
+    constants: Constants
     problem: Problem
     begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
+
+
+class Candidate(NamedTuple):
+    """A model that was not fitted for itself yet."""
+
+    value: float  # Log-likelihood, less what its own parameters cost
+    model: Model
+    solution: Solution
 
 
 @dataclass(frozen=True)
@@ -40,12 +48,16 @@ class Fitted:
     solution: Solution
     path: Floats  # (k, d)
     of: passes.Pass  # The last pass: prediction errors at the solution, and the products of their derivatives
-    about: tuple[Constant, ...]  # What it went about
+    about: Constants  # What it went about
     doubt: float = 0.0
     """Of gravity over itself, from a path that does not settle: in long gaps the ship's is hardly known."""
     bent: float = 0.0  # See `bend`, between the last two paths
-    spectra: dict[tuple[int, int], tuple[Floats, Floats, np.ndarray]] = field(default_factory=dict, init=False)
-    """Of the errors, once they are asked for; see `whiteness.errors_by_frequency`."""
+    spectra: dict[object, object] = field(default_factory=dict, init=False)
+    """Of the errors, once they are asked for; see `whiteness`."""
+
+    def candidate(self, cost: float = 0.0) -> Candidate:
+        """What it is worth beside others."""
+        return Candidate(self.solution.log_likelihood - cost, self.model, self.solution)
 
     def without(self, constant: Constant) -> Fitted:
         """The same without a constant that hardly differs from zero: by the last pass, linearised."""
@@ -65,6 +77,7 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     Paths contract a thousandfold a pass, but in long gaps: the last one needs no smoothing. That of linear pendulums
     scales derivatives alone: from where it is smoothed under the ship's own spectrum it stays.
     """
+    about = grown(about, model.problem.pendulums, model.assumed.ship)
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
     contraction = 1.0 if model.problem.lattice.longest_gap > LONG_GAP else CONTRACTION
@@ -86,22 +99,17 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
 
 
-def values(fit: Fitted) -> Floats:
-    """Of the constants, (c,)."""
-    return np.array([each.value for each in fit.solution.constants])
-
-
-def again(fit: Fitted, problem: Problem) -> Floats:
-    """Values of the constants, (c,), where the same model is fitted to another problem."""
-    return values(fitted(replace(fit.model, problem=problem), fit.path, most=1))
-
-
-def straightened(fit: Fitted) -> Fitted:
-    """The same, gone on with where its last paths are not straight yet and that can be followed."""
+def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted | None:
+    """The same; None where a model cannot be followed."""
     try:
-        return fit if fit.bent < STRAIGHT else fitted(fit.model, fit.path)
+        return fitted(model, about, smooth=smooth, most=most)
     except np.linalg.LinAlgError:
-        return fit
+        return None
+
+
+def likelier(fit: Fitted, other: Fitted | None) -> Fitted:
+    """The one of two fits that the readings are likelier under, if there is another."""
+    return fit if other is None or other.solution.log_likelihood <= fit.solution.log_likelihood else other
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
@@ -123,7 +131,7 @@ def path_on(fit: Fitted, ship: tuple[Component, ...]) -> Floats:
     return grown(path, pendulums, ship)
 
 
-def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[Constant, ...]:
+def shifted(constants: Constants, path: Floats, begin: int) -> Constants:
     """Constants whose start is the path's at a later node."""
     return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kinds.START else c for c in constants)
 
@@ -131,8 +139,7 @@ def shifted(constants: tuple[Constant, ...], path: Floats, begin: int) -> tuple[
 def angles(fit: Fitted, times: Floats) -> Floats:
     """Each pendulum's angle at times since the first node, s, (n, p).
 
-    From node to node Hermite's quintic, whose two highest powers are those that a swing has beside a cubic: it is exact
-    for a swing.
+    From node to node a cubic and a swing, by angle, speed and acceleration at both ends: it is exact for a swing.
     """
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
@@ -146,28 +153,22 @@ def angles(fit: Fitted, times: Floats) -> Floats:
         pull = (flow.gravity + along[:, None]) * np.sin(angle) + across * np.cos(angle)
     else:
         pull = flow.gravity * angle + across
-    turn = lattice.step**2 * (-flow.kappa * pull - 2.0 * flow.damping * speed)
-    speed = lattice.step * speed
-    k = np.clip((times / lattice.step).astype(np.int64), 0, lattice.nodes - 2)
-    t = (times / lattice.step - k)[:, None]
-    out = angle[k] + t * (speed[k] + t * 0.5 * turn[k])
-    off = angle[k + 1] - angle[k] - speed[k] - 0.5 * turn[k]
-    faster, sharper = speed[k + 1] - speed[k] - turn[k], turn[k + 1] - turn[k]
-    square = (problem.swing * lattice.step) ** 2
-    second, third, fourth, fifth = (_swung(np.ones(1), m, square)[0] for m in (2, 3, 4, 5))
-    at_end = [[1.0, fourth, fifth], [3.0, 4.0 * third, 5.0 * fourth], [6.0, 12.0 * second, 20.0 * third]]
-    shares = [row[0] * off + row[1] * faster + row[2] * sharper for row in np.linalg.inv(at_end)]
-    powers = (t**3, _swung(t, 4, square), _swung(t, 5, square))
-    return np.asarray(out + sum(share * power for share, power in zip(shares, powers, strict=True)))
-
-
-def _swung(t: Floats, power: int, square: float) -> Floats:
-    """The power of t as a swing has it: `m! sum (-s)^k t^(m+2k)/(m+2k)!`, s the square of its turn as t goes to 1."""
-    term = total = t**power
-    for k in range(power + 2, power + 2 * TERMS, 2):
-        term = term * (-square / (k * (k - 1))) * t**2
-        total = total + term
-    return total
+    step, turn = lattice.step, problem.swing * lattice.step
+    known = np.stack([angle, step * speed, -(step**2) * (flow.kappa * pull + 2.0 * flow.damping * speed)])
+    cosine, sine = np.cos(turn), np.sin(turn)
+    ends = [  # of 1, t, t^2, t^3, cos and sin of what the swing turns in t: value and two derivatives
+        [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, turn],
+        [0.0, 0.0, 2.0, 0.0, -(turn**2), 0.0],
+        [1.0, 1.0, 1.0, 1.0, cosine, sine],
+        [0.0, 1.0, 2.0, 3.0, -turn * sine, turn * cosine],
+        [0.0, 0.0, 2.0, 6.0, -(turn**2) * cosine, -(turn**2) * sine],
+    ]
+    shares = np.tensordot(np.linalg.inv(ends), np.concatenate([known[:, :-1], known[:, 1:]]), axes=1)
+    k = np.clip((times / step).astype(np.int64), 0, lattice.nodes - 2)
+    t = times / step - k
+    powers = (np.ones(t.size), t, t**2, t**3, np.cos(turn * t), np.sin(turn * t))
+    return np.asarray(sum(power[:, None] * share[k] for power, share in zip(powers, shares, strict=True)))
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:
@@ -196,24 +197,21 @@ def astray(model: Model, path: Floats, about: Floats) -> float:
     for i in range(0, two, 2):
         angle, at = path[:, i], about[:, i]
         sine, cosine = np.sin(at), np.cos(at)
-        linear = (1.0 + along) * sine + across * cosine + (z - along) * sine + (u - across) * cosine
-        linear += ((1.0 + along) * cosine - across * sine) * (angle - at)
-        rest = (1.0 + z) * np.sin(angle) + u * np.cos(angle) - linear
+        rest = (1.0 + z) * (np.sin(angle) - sine) + u * (np.cos(angle) - cosine)
+        rest -= ((1.0 + along) * cosine - across * sine) * (angle - at)
         worst = max(worst, abs(float(rest @ angle) / float(angle @ angle)))
     return worst
-
-
-Candidate = tuple[float, Model, Solution]
 
 
 def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int] | None = None) -> Candidate:
     """A model with its log-likelihood less what its own parameters cost, linearised about a path."""
     root = prior_root(model.constants, model.course)
+    about = grown(about, model.problem.pendulums, model.assumed.ship)
     try:
         solution, _ = model.problem.run(model.assumed, model.constants, about=about, root=root, span=span)
     except np.linalg.LinAlgError:
-        return -np.inf, model, NO_SOLUTION
-    return solution.log_likelihood - cost, model, solution
+        return Candidate(-np.inf, model, NO_SOLUTION)
+    return Candidate(solution.log_likelihood - cost, model, solution)
 
 
 NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)

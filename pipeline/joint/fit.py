@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, motion, repeating, spectrum
-from pipeline.joint.clock import with_clock
-from pipeline.joint.cold_start import ACCELEROMETER, CAPTURE, DIFFERENCE, KICK, Begun, again, released
+from pipeline.joint import apparatus, choice, explanation, motion
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import mean_gravity, mean_row
-from pipeline.joint.explanation import LONG_GAP, grown
-from pipeline.joint.gaps import change_by_rounding, change_in_gaps
+from pipeline.joint.explanation import LONG_GAP
+from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import GATE, OUTLIER, better, heard_again, isolated, smoothed, standing
-from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.joint.unresolved import unseen
+from pipeline.joint.outliers import OUTLIER
+from pipeline.joint.problem import LEVEL
+from pipeline.joint.start import CAPTURE, first_fits
+from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, short_waves
 
-SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
+MGAL = 1e-5  # m s-2
+MOST_APART = 10.0  # mGal
+CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
+MOTION = "motion"  # in the words of a component of the ship
+DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
+MOST_SPREAD = 30.0
+REPLACED = 0.3  # of a swing, by kicks within the record
+SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
+SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
+HALF = 0.5
+ROUNDED = 0.3  # of the change by rounding, to which it is known
+MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 
 
 @dataclass(frozen=True)
@@ -40,7 +49,7 @@ class Outcome:
         """The best explanation, and how close others come."""
         model = self.fit.model
         law = "sine" if model.assumed.sine else "linear"
-        faults = apparatus.found(self.fit.solution)
+        faults = apparatus.faults_found(self.fit.solution)
         named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
         repeating = model.problem.repeating
         errors = f"errors repeating with the swing: {repeating.max():.2g} rad" if repeating.size else ""
@@ -64,7 +73,7 @@ def reduce(gathered: Gathered) -> Outcome:
     try:
         found = fitted(gathered)
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
-            found = [with_clock(repeating.corrected(each, tells_law=len(found) > 1)) for each in found]
+            found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
@@ -84,9 +93,9 @@ def reduce(gathered: Gathered) -> Outcome:
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     rounding = change_by_rounding(fit, row) if gathered.problem.steps.any() else 0.0
     hidden, doubt = change_in_gaps(fit, row)
-    lifted, waves = unseen(fit)
+    lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
-    others = (of_planes(found[0], fit), waves, repeating.doubt(fit))
+    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit))
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
@@ -153,17 +162,16 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
         return 0.0, 0.0
     level = np.abs(np.append(lattice.combination.sum(axis=1), [0.0, 0.0]))[lattice.trace] > LEVEL
     gap = float(np.diff(lattice.time[level], prepend=0.0, append=lattice.duration).max())
-    if gap > LONG_GAP or lattice.interval * model.problem.swing > spectrum.SPARSE:
+    if gap > LONG_GAP or model.problem.sparse:
         return 0.0, 0.0  # what sways in gaps, or between sparse samples, is not known
     about, swings = plain.path.copy(), np.fft.rfft(plain.path[:, :two], axis=0)
     swings[2.0 * np.pi * np.fft.rfftfreq(lattice.nodes, lattice.step) < slow] = 0.0
     about[:, :two] = np.fft.irfft(swings, lattice.nodes, axis=0)
     trial = replace(model, assumed=replace(model.assumed, ship=ship), begun=ship)
-    try:
-        tilted = explanation.fitted(trial, about, most=3 if fit.model.words else 1)
-        tilted = motion.reshaped(tilted) if fit.model.words else tilted
-    except np.linalg.LinAlgError:
+    tilted = explanation.attempted(trial, about, most=3 if fit.model.words else 1)
+    if tilted is None:
         return 0.0, 0.0
+    tilted = motion.reshaped(tilted) if fit.model.words else tilted
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
     law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
@@ -218,135 +226,10 @@ def weighed(
             f"'{second}' by {ahead:.1f} in log-likelihood, their gravities lie {apart:.0f} mGal apart; state restoring"
         )
     if ahead < CLOSE:
-        moved = fit.solution.log_likelihood - ahead
-        close = [*close, (moved, other.model, other.solution)]
+        close = [*close, other.candidate()._replace(value=fit.solution.log_likelihood - ahead)]
     return fit, close
 
 
-MGAL = 1e-5  # m s-2
-MOST_APART = 10.0  # mGal
-CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
-MOTION = "motion"  # in the words of a component of the ship
-DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
-MOST_SPREAD = 30.0
-REPLACED = 0.3  # of a swing, by kicks within the record
-SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
-SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
-HALF = 0.5
-ROUNDED = 0.3  # of the change by rounding, to which it is known
-MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
-
-
 def fitted(gathered: Gathered) -> list[explanation.Fitted]:
-    """Fit the stated law, or both where none is stated, the likelier first.
-
-    Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
-    left out, pendulums knocked, and all parameters of the ship sought.
-    """
-    laws = [gathered.law != "linear"] if gathered.law else [True, False]
-    begun = [Begun.of(gathered, sine=sine) for sine in laws]
-    fits = [likeliest(plain(each) for each in ways) for ways in begun]
-    if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
-        fits = [fit or likeliest(heard(each) for each in ways) for fit, ways in zip(fits, begun, strict=True)]
-    found = [fit for fit in fits if fit is not None]
-    if not found:
-        raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    return sorted((with_difference(fit) for fit in found), key=of_the_law, reverse=True)
-
-
-def likeliest(fits: Iterable[explanation.Fitted | None]) -> explanation.Fitted | None:
-    """The one that stands highest, if there is any."""
-    return max((fit for fit in fits if fit is not None), key=standing, default=None)
-
-
-def with_difference(fit: explanation.Fitted) -> explanation.Fitted:
-    """Where no damping is stated: with the prior of its difference from the common rate, which is known by now."""
-    common = next((abs(c.value) for c in fit.model.constants if c.name == "damping"), None)
-    if common is None:
-        return fit
-    width = min(max(SHARE * common, LEAST_DIFFERENCE), DIFFERENCE)
-    constants = tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in fit.model.constants)
-    return explanation.fitted(replace(fit.model, constants=constants), fit.path)
-
-
-def plain(begun: Begun) -> explanation.Fitted | None:
-    """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
-    if isolated(begun.rough):
-        return None
-    model = begun.rough.model
-    constants = released(model.constants, begun.first)[: len(begun.first)]
-    assumed = replace(model.assumed, breaks=())
-    model = replace(model, problem=begun.gathered.problem, constants=constants, assumed=assumed)
-    try:
-        fit, best = risen(spectral(model, begun.rough, begun.gathered), begun.rough)
-    except np.linalg.LinAlgError:
-        return None
-    return fit if np.nanmax(np.abs(best.of.whitened)) < GATE else None
-
-
-def heard(begun: Begun) -> explanation.Fitted | None:
-    """Without what is wild, the pendulums knocked where they were. None where that cannot be followed."""
-    rough = again(begun.rough)
-    model = spectral(
-        replace(rough.model, constants=released(rough.model.constants, begun.first)), rough, begun.gathered
-    )
-    sought = model.problem.leaves_heave_open(model.assumed.sine)
-    ship = (motion.heaving(rough, model.assumed) if sought else model.assumed).ship
-    # pendulums that wander: friction, or gravity that changes, is not to be taken for wild readings
-    wandering = replace(model.assumed, ship=ship, kick=begun.assumed.kick + KICK)
-    path = grown(rough.path, model.problem.pendulums, ship)
-    try:
-        best = smoothed(model.problem, wandering, model.constants, path)
-        best = heard_again(replace(best.model, begun=ship), best, begun.gathered.problem)
-    except np.linalg.LinAlgError:
-        best = rough
-    known = best.model if best is not rough else model
-    ship = tuple(each for each in known.assumed.ship if each.axis != "vertical")
-    level = replace(known.assumed, kick=begun.assumed.kick, ship=ship)
-    try:
-        fit, _ = risen(replace(known, assumed=level, begun=ship), best)
-    except np.linalg.LinAlgError:
-        return None
-    return motion.reshaped(heard_again(fit.model, fit, begun.gathered.problem))
-
-
-def risen(model: explanation.Model, rough: explanation.Fitted) -> tuple[explanation.Fitted, explanation.Fitted]:
-    """Fitted without vertical motion where the differences ask for none; and what follows the readings best.
-
-    Vertical motion is slow, and would explain other things. Kicks stand for friction, a knock, a fault of the
-    apparatus: where they do better, what it is, is sought beside the level motion.
-    """
-    problem, level = model.problem, model.assumed
-    sought = problem.leaves_heave_open(level.sine)
-    fit = _beside(model, level, rough)
-    if fit is not None and motion.is_white(fit, problem.differences):
-        fit = motion.reshaped(fit)
-        return fit, fit
-    heaving = _beside(model, motion.heaving(rough, level), rough) if sought else None
-    found = [each for each in (fit, heaving) if each is not None]
-    if not found:
-        raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    best = max(found, key=standing)
-    if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
-        kicked = better(replace(model, assumed=motion.kicked(fit)), best)
-        if kicked is not best and (sought or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
-            return fit, kicked
-    best = motion.reshaped(best)
-    return best, best
-
-
-def _beside(model: explanation.Model, assumed: Assumed, rough: explanation.Fitted) -> explanation.Fitted | None:
-    """A model with another ship about the swing of a rough fit; None where it cannot be followed."""
-    pendulums = model.problem.pendulums
-    about = grown(rough.path[:, : 2 * pendulums], pendulums, assumed.ship)
-    try:
-        return explanation.fitted(replace(model, assumed=assumed, begun=assumed.ship), about, smooth=True, most=1)
-    except np.linalg.LinAlgError:
-        return None
-
-
-def spectral(model: explanation.Model, rough: explanation.Fitted, gathered: Gathered) -> explanation.Model:
-    """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
-    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), spectrum.LEAST_NOISE)
-    begun = motion.first(rough, stated)
-    return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)
+    """The stated law, or both where none is stated, fitted without other explanations, the likelier first."""
+    return sorted(first_fits(gathered), key=of_the_law, reverse=True)

@@ -36,9 +36,13 @@ class Flow(NamedTuple):
     dry: Floats
     """(p,) n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2."""
     fade: float  # Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns
-    rows: Floats
-    """(8 p + 8 + d, d) what the linear flow makes of a state: each pendulum's angle at the four nodes, each one's
-    speed, U, Z, and the state at the end."""
+    to_nodes: Floats
+    """(8 p + 8, d) what the linear flow makes of a state: each pendulum's angle at the four nodes, each one's speed, U,
+    Z."""
+    sources: Floats  # (p, 16, d) angle, speed, U and Z at each node that a pendulum's remainder depends on
+    ahead: Floats  # (d, d) the state at the step's end
+    ends: Floats  # (4 + 2 p, d) rows of U, Z, their derivatives, each pendulum's angle and speed
+    ahead_to_ends: Floats  # (4 + 2 p, d) the same at the step's end
     noise: Floats  # (d, d) covariance of the process noise
     heave_noise: float
     """White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
@@ -117,7 +121,11 @@ def flow(
     for _ in range(HALVINGS):
         noise, transition = transition @ noise @ transition.T + noise, transition @ transition
     to_node, noise = expm(drift * (NODES * step)[:, None, None]), 0.5 * (noise + noise.T)
-    vertical = _powers(drift, z_row)
+    angles, speeds = (to_node[:, k:two:2].transpose(1, 0, 2) for k in (0, 1))
+    groups = np.concatenate([angles, speeds, [u_row @ to_node], [z_row @ to_node]])
+    horizontal, vertical = _powers(drift, u_row), _powers(drift, z_row)
+    ends = np.concatenate([horizontal[:2], vertical[:2], np.eye(size)[:two]])
+    acting = [[i, count + i, two, two + 1] for i in range(count)]
     heaves = bool(sine and np.any(vertical))
     return Flow(
         step=step,
@@ -128,22 +136,16 @@ def flow(
         quadratic=np.zeros(count) if quadratic is None else np.asarray(quadratic, dtype=np.float64),
         dry=np.zeros(count) if dry is None else np.asarray(dry, dtype=np.float64),
         fade=fade,
-        rows=np.ascontiguousarray(
-            np.concatenate(
-                [
-                    to_node[:, 0:two:2].transpose(1, 0, 2).reshape(-1, size),
-                    to_node[:, 1:two:2].transpose(1, 0, 2).reshape(-1, size),
-                    u_row @ to_node,
-                    z_row @ to_node,
-                    transition,
-                ]
-            )
-        ),
+        to_nodes=groups.reshape(-1, size),
+        sources=np.stack([groups[some].transpose(1, 0, 2).reshape(-1, size) for some in acting]),
+        ahead=np.ascontiguousarray(transition),
+        ends=ends,
+        ahead_to_ends=ends @ transition,
         noise=noise,
         heave_noise=heave_noise,
         response=_response(step, kappa * gravity, np.asarray(damping)),
         angles=np.stack([_powers(drift, row - p_row) for row in np.eye(size)[:two:2]]),
-        horizontal=_powers(drift, u_row),
+        horizontal=horizontal,
         vertical=vertical,
         pull=_PULL / step ** np.arange(POINTS),
         driven=vertical[:2] @ noise,

@@ -5,109 +5,59 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.joint import kinds, remainder
 from pipeline.joint.flow import NODES, POINTS, Flow
-from pipeline.joint.kinds import (
-    CLOCK,
-    CUBIC,
-    DAMPING,
-    DELAY,
-    DRIFT,
-    DRY,
-    FADE,
-    GAIN,
-    GRAVITY,
-    HEAVE_DELAY,
-    HEAVE_SCALE,
-    KNOCK,
-    QUADRATIC,
-    RATIO,
-    STEP,
-    ZERO,
-)
-from pipeline.joint.passes import Columns, Readings, Slots
-from pipeline.joint.remainder import (
-    COSINE,
-    SHARES,
-    SINE,
-    TURNED,
-    Steps,
-    collocate,
-    cubics,
-    differentiate,
-    direction,
-    join_ends,
-    lay_known,
-)
+from pipeline.joint.passes import Columns, Readings, Slots, Task
+from pipeline.joint.remainder import COSINE, SHARES, SINE, TURNED, Steps
 from synth.kernels.compiled import kernel
 
 FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
 
 
 @kernel
-def remain(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    known: Floats,
-    recorded: Floats,
-    slope: Floats,
-    rows: Floats,
-    plain: bool,
-    joined: bool,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
+def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
     """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
-    lay_known(known, k, n, steps.nodes)
-    collocate(flow, plain, n, steps)
+    flow, sources, last = task.flow, task.flow.sources, task.columns.forced.size
+    remainder.lay_known(task.known, k, n, steps.nodes)
+    remainder.collocate(flow, task.plain, n, steps)
     if joined:
-        join_ends(flow, n, steps)
-    if plain:
+        remainder.join_ends(flow, n, steps)
+    if task.plain:
         for r in range(steps.extra.shape[0]):
             for s in range(n):
                 steps.extra[r, s] = 0.0  # a knock of steps before
     else:
-        differentiate(flow, known, k, n, steps)
-        for i in range(rows.shape[0]):
-            np.dot(steps.factor[i].reshape(rows.shape[1], -1).T, rows[i], steps.swing[i])
-    if forced.size > 0:
-        force_columns(flow, columns, forced, recorded, slope, k, n, steps)
+        remainder.differentiate(flow, task.known, k, n, steps)
+        for i in range(sources.shape[0]):
+            np.dot(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
+    force_columns(task, k, n, steps)
     if flow.heaves:
-        drive(flow, joined, forced.size + 1, n, steps)
+        drive(flow, joined, last + 1, n, steps)
     if flow.heave_noise > 0.0:
         jolt(flow, n, steps)
     for r in range(steps.extra.shape[0]):
         for s in range(n):
-            steps.push[forced.size, r, s] = steps.extra[r, s]
+            steps.push[last, r, s] = steps.extra[r, s]
 
 
 @kernel
-def force_columns(
-    flow: Flow,
-    columns: Columns,
-    forced: np.ndarray,
-    recorded: Floats,
-    slope: Floats,
-    k: int,
-    n: int,
-    steps: Steps,
-) -> None:
-    """What the constants `forced` add to the derivatives of the pendulums during the steps from node k.
+def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
+    """What the constants that move the pendulums add to their derivatives during the steps from node k.
 
     What a knock in such a step moves the pendulums by is added to `extra`.
     """
+    flow, columns, recorded, slope = task.flow, task.columns, task.recorded, task.slope
     nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
     weight = steps.weight
     count, begin, end = flow.kappa.size, k * flow.step, (k + n) * flow.step
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
-    for f in range(forced.size):
-        c = forced[f]
+    for f in range(columns.forced.size):
+        c = columns.forced[f]
         kind, centre, width = columns.kind[c], columns.centre[c], columns.width[c]
         for r in range(2 * count):
             for s in range(n):
                 push[f, r, s] = 0.0
-        if kind == KNOCK:
+        if kind == kinds.KNOCK:
             i = columns.member[c]
             own = np.sqrt(flow.kappa[i] * flow.gravity)
             for s in range(n):
@@ -117,7 +67,7 @@ def force_columns(
                     extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]
                     extra[2 * i + 1, s] += columns.value[c] * push[f, 2 * i + 1, s]
             continue
-        if kind == GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
+        if kind == kinds.GRAVITY and width > 0.0 and (end <= centre - 2.0 * width or begin >= centre + 2.0 * width):
             continue
         for i in range(count):
             if columns.member[c] >= 0 and columns.member[c] != i:
@@ -127,29 +77,29 @@ def force_columns(
                 speed, u, z = nodes[POINTS * (count + i) + m], nodes[horizontal + m], nodes[vertical + m]
                 for s in range(n):
                     force[s] = -kappa * rest[i, SINE, m, s]
-                if kind == DAMPING:
+                if kind == kinds.DAMPING:
                     for s in range(n):
                         force[s] = -2.0 * speed[s]
-                elif kind == QUADRATIC:
+                elif kind == kinds.QUADRATIC:
                     for s in range(n):
                         force[s] = -abs(speed[s]) * speed[s]
-                elif kind == DRY:
+                elif kind == kinds.DRY:
                     for s in range(n):
-                        force[s] = -direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
-                elif kind == FADE:
+                        force[s] = -remainder.direction(flow, i, m, nodes[POINTS * i + m, s], speed[s], fade)[0]
+                elif kind == kinds.FADE:
                     more = FADED * (abs(flow.fade) + TURNED)
                     for s in range(n):
                         angle = nodes[POINTS * i + m, s]
-                        force[s] = direction(flow, i, m, angle, speed[s], flow.fade)[0]
-                        force[s] -= direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
+                        force[s] = remainder.direction(flow, i, m, angle, speed[s], flow.fade)[0]
+                        force[s] -= remainder.direction(flow, i, m, angle, speed[s], flow.fade + more)[0]
                         force[s] *= flow.dry[i] / more
-                elif kind == RATIO:
+                elif kind == kinds.RATIO:
                     for s in range(n):
                         force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
-                elif kind == HEAVE_SCALE:
+                elif kind == kinds.HEAVE_SCALE:
                     for s in range(n):
                         force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
-                elif kind == HEAVE_DELAY:
+                elif kind == kinds.HEAVE_DELAY:
                     for s in range(n):
                         force[s] *= slope[k + s, m] if slope.shape[0] > 0 else 0.0
                 elif width > 0.0:
@@ -175,7 +125,7 @@ def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
             for s in range(n):
                 push[begin, at, s] = push[begin + 1, at, s] = 0.0
             for m in range(POINTS):
-                cubic, slope = cubics(flow.step, m)
+                cubic, slope = remainder.cubics(flow.step, m)
                 for s in range(n):
                     by = factor[i, 4 * m + 3, r, s]
                     push[begin, at, s] += cubic * by
@@ -205,7 +155,6 @@ def jolt(flow: Flow, n: int, steps: Steps) -> None:
 def derive_errors(
     readings: Readings,
     columns: Columns,
-    of_traces: np.ndarray,
     which: int,
     node: float,
     slots: Slots,
@@ -213,29 +162,29 @@ def derive_errors(
     seen: Floats,
     j: int,
 ) -> None:
-    """What the constants `of_traces` of a trace add to the derivatives of what is seen of a reading.
+    """What the constants of a trace add to the derivatives of what is seen of a reading.
 
     On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
     """
     last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
     speed = 0.0
-    for n in range(of_traces.size):
-        c = of_traces[n]
+    for n in range(columns.of_traces.size):
+        c = columns.of_traces[n]
         kind = columns.kind[c]
         own = columns.member[c]
         if (own >= 0 and own != trace) or (own < 0 and trace >= readings.combination.shape[0]):
             continue
-        if kind == ZERO:
+        if kind == kinds.ZERO:
             seen[j, c] += 1.0
-        elif kind == DRIFT:
+        elif kind == kinds.DRIFT:
             seen[j, c] += (time - columns.centre[c]) / columns.width[c]
-        elif kind == GAIN:
+        elif kind == kinds.GAIN:
             seen[j, c] += readings.value[which]
-        elif kind == CUBIC:
+        elif kind == kinds.CUBIC:
             seen[j, c] += readings.value[which] ** 3
-        elif kind == STEP and time >= columns.centre[c]:
+        elif kind == kinds.STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
-        elif kind == DELAY or (kind == CLOCK and time >= columns.centre[c]):
+        elif kind == kinds.DELAY or (kind == kinds.CLOCK and time >= columns.centre[c]):
             if speed == 0.0:
                 for q in range(state.shape[0]):
                     speed += slots.rate[j, q] * state[q, last]

@@ -12,11 +12,10 @@ import numpy as np
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
-from pipeline.joint import plausible
+from pipeline.joint import screening
 from pipeline.joint.flow import NODES, POINTS
-from pipeline.joint.lattice import WINDOW, Lattice, is_calm, lay
+from pipeline.joint.lattice import Lattice, is_calm, lay
 from pipeline.joint.problem import Problem
-from pipeline.joint.spectrum import folded
 from pipeline.ledger import eotvos, tide
 from pipeline.observation import instrument
 
@@ -25,14 +24,9 @@ if TYPE_CHECKING:
 
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
-FAR, MANY = 6.0, 10000  # of the median departure from the median; readings
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
-OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
-COPIED = 30  # values in a row that two traces cannot share by chance
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
-HELD = 6.0  # s: a window in which all traces stand still
-STILL, SWINGLESS, FEWEST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 MOST_STEPS = 30  # of a film's paper
 LASTING = 10.0  # s: errors of a film's times, where the noise of its marks is not stated
@@ -46,8 +40,7 @@ class Gathered:
     """Readings and constants."""
 
     problem: Problem
-    pendulums: tuple[str, ...]
-    traces: tuple[str, ...]  # Labels
+    pendulums: tuple[str, ...]  # Labels
     constants: dict[str, Any]  # What /instrument states; see `pipeline.observation.instrument`.
     noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
     heave_noise: float
@@ -58,12 +51,6 @@ class Gathered:
     film: bool  # Whether the traces were read from a film, whose spots and optics err with the swing
     denser: Callable[[], Gathered]
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
-
-    @property
-    def law(self) -> str | None:
-        """Stated law of restoring."""
-        law = self.constants["restoring"]
-        return None if law is None else str(law)
 
 
 def gather(record: DataTree, *, calm: bool = True) -> Gathered:
@@ -94,10 +81,10 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     heave = None
     if "vertical_acceleration" in stored:
         heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)
-    plausible.refuse_wrong_units(time, series, heave, swing, gravity)
+    screening.refuse_wrong_units(time, series, heave, swing, gravity)
     series, more, tilts = _from_the_vertical(record, time, series, combination)
-    series, still = _moving(time, _told_apart(series), swing, traces)
-    plausible.refuse_exchanged_traces(time, series, combination, swing, traces)
+    series, still = screening.moving(time, screening.without_copies(series), swing, traces)
+    screening.refuse_exchanged_traces(time, series, combination, swing, traces)
     some = np.asarray(np.isfinite(series).any(axis=0))
     if not some.any():
         raise RefusedError(f"record/elongation: no trace swings: {'; '.join(still)}; check the traces and their times")
@@ -138,7 +125,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
         stated = given if given.ndim == 1 else np.sqrt(np.nanmean(given**2, axis=1))
-    steps = np.array([_quantum(each) for each in series])
+    steps = np.array([screening.quantum(each) for each in series])
     if steps.max() > COARSEST * arc / 1.5:
         raise RefusedError(
             f"record/elongation: rounded to {steps.max():.2g} rad, too coarse for a swing of {arc / 1.5:.2g} rad: "
@@ -154,14 +141,13 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             np.zeros(len(labels)) if damping is None else np.asarray(damping),
             recorded,
             slope,
-            _far(lattice.trace, lattice.value, series.shape[0]),
+            screening.far_off(lattice.trace, lattice.value, series.shape[0]),
             spline,
             _track(known, all_times, lattice),
             steps,
             *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
         labels,
-        traces,
         known,
         stated,
         white,
@@ -227,80 +213,6 @@ def _from_the_vertical(
     )
 
 
-def _told_apart(series: Floats) -> Floats:
-    """Traces, (t, n), without what two of them hold alike for long: one is a copy, and nothing tells which.
-
-    Raises
-    ------
-    RefusedError
-        They are alike throughout.
-    """
-    out = series.copy()
-    for i in range(len(series)):
-        for j in range(i):
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], series[i] == series[j], [False]]).astype(np.int8)))
-            for begin, end in edges.reshape(-1, 2):
-                if end - begin >= COPIED and np.ptp(series[i, begin:end]) > 0.0:
-                    out[[i, j], begin:end] = np.nan
-    if np.isfinite(series).any() and not np.isfinite(out).any():
-        raise RefusedError("record/elongation: the traces hold the same values; give each pendulum, or the difference")
-    return out
-
-
-def _moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -> tuple[Floats, tuple[str, ...]]:
-    """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words.
-
-    Where all traces stand, as pendulums do that are held, the windows are shorter.
-    """
-    out, words = series.copy(), []
-    least = STILL * float(np.nanmax(np.nanvar(series[np.isfinite(series).any(axis=1)], axis=1)))
-    for window, together in ((WINDOW, False), (HELD, True)):
-        if folded(swing, float(np.median(np.diff(time)))) * window < 2.0 * np.pi:
-            break  # samples so sparse show a swing that is nearly still
-        bounds = np.searchsorted(time, np.arange(time[0], time[-1], window))
-        stretches = [slice(a, b) for a, b in zip(bounds, [*bounds[1:], time.size], strict=True)]
-        quiet = _quiet(out, bounds, 2.0 * least)
-        stands = np.array(
-            [
-                [
-                    bool(calm) and _stands(time[part], own[part], swing, least)
-                    for calm, part in zip(row, stretches, strict=True)
-                ]
-                for own, row in zip(out, quiet, strict=True)
-            ]
-        )
-        for j, own in enumerate(series):
-            still = stands.all(axis=0) if together else stands[j]
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8))).reshape(-1, 2)
-            for first, last in edges[edges[:, 1] - edges[:, 0] > 1]:
-                part = slice(stretches[first].start, stretches[last - 1].stop)
-                moves = np.abs(own - np.nanmean(own[part])) > FAR * np.nanstd(own[part])
-                before, after = np.flatnonzero(moves[: part.start]), np.flatnonzero(moves[part.stop :])
-                part = slice(before[-1] + 1 if before.size else 0, part.stop + after[0] if after.size else own.size)
-                out[j, part] = np.nan
-                words.append(f"trace '{names[j]}' stands still from {time[part][0]:.0f} to {time[part][-1]:.0f} s")
-    return out, tuple(dict.fromkeys(words))
-
-
-def _quiet(series: Floats, bounds: np.ndarray, most: float) -> np.ndarray:
-    """Stretches, (t, k), that begin at `bounds`, in which a trace varies less than that or hardly was read."""
-    known = np.isfinite(series)
-    mean = np.where(known, series, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    away = np.where(known, series - mean[:, None], 0.0)
-    count, total, square = (np.add.reduceat(each, bounds, axis=1) for each in (known.astype(float), away, away**2))
-    return np.asarray(square - total**2 / np.maximum(count, 1.0) <= most * np.maximum(count, 1.0))
-
-
-def _stands(time: Floats, value: Floats, swing: float, least: float) -> bool:
-    """Whether readings vary less than that, and have no more power at the swing than chance gives."""
-    there = np.isfinite(value)
-    if there.sum() < FEWEST:
-        return False
-    own = value[there] - value[there].mean()
-    turned = np.abs(np.sum(own * np.exp(-1j * swing * time[there]))) ** 2
-    return bool(own.var() < least and turned <= min(SWINGLESS, 0.1 * own.size) * own.size * own.var())
-
-
 def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     """Known change of gravity over reference gravity, from its mean, at the nodes of each step: way, temperature."""
     constants, change = known["constants"], np.zeros(time.size)
@@ -333,37 +245,6 @@ def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[fl
     if not 0.0 <= noise < np.inf or steps.size > MOST_STEPS:
         raise RecordError("film: attributes time_noise and paper_steps are not those of a film; digitise it again")
     return sigma, noise, tuple(steps[(steps > 0.0) & (steps < lattice.duration)].tolist())
-
-
-def _far(trace: np.ndarray, value: Floats, traces: int) -> np.ndarray:
-    """Readings that lie where no swing of the trace goes, neither all along nor at the time: it may die away."""
-    out = np.zeros(value.size, dtype=bool)
-    for j in range(traces):
-        own = value[trace == j]
-        if not own.size:
-            continue
-        off = np.abs(own - np.median(own))
-        usual = [np.full(part.size, np.median(part)) for part in np.array_split(off, 1 + off.size // MANY)]
-        out[trace == j] = (off > FAR * np.maximum(np.median(off), np.concatenate(usual))) | _clipped(own)
-    return out
-
-
-def _clipped(value: Floats) -> np.ndarray:
-    """Readings at the end of a range, which hold the same value many times more often than any other."""
-    found, count = np.unique(value, return_counts=True)
-    if found.size < 8:
-        return np.zeros(value.size, dtype=bool)
-    often = OFTEN * max(int(count[1:-1].max()), 1)
-    ends = [end for end, times in ((found[0], count[0]), (found[-1], count[-1])) if times > often]
-    return np.isin(value, ends)
-
-
-def _quantum(value: Floats) -> float:
-    """Step of readings that were rounded to few values; 0: not so few that it shows."""
-    found, count = np.unique(value[np.isfinite(value)], return_counts=True)
-    if found.size < 3 or found.size * FEW > count.sum():
-        return 0.0
-    return float(np.median(np.diff(found)))
 
 
 def _bias(heave: Floats, noise: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import motion
 from pipeline.joint.course import mean_gravity
-from pipeline.joint.explanation import PAYS, Candidate, Fitted, fitted, path_on, priced
+from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, path_on, priced
 
 SIZES = 8  # each three times the one before
 NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of sizes
@@ -29,19 +29,19 @@ def larger_or_smaller(fit: Fitted) -> Iterator[Candidate]:
     if not np.any(now):
         best = of(np.full(now.size, noticed(fit)))
         yield best
-        if best[0] < fit.solution.log_likelihood - ABSENT:
+        if best.value < fit.solution.log_likelihood - ABSENT:
             return
-        less = best[0] + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
+        less = best.value + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
         for factor in (1.0 / THRICE,) if less else (THRICE, 1.0 / THRICE):
             begun = best
-            while (found := of(best[1].assumed.kick * factor))[0] > best[0] + SAME:
+            while (found := of(best.model.assumed.kick * factor)).value > best.value + SAME:
                 yield found
                 best = found
             yield found
             if best is not begun:
                 break
-        if best[0] > fit.solution.log_likelihood:
-            yield from (of(each * best[1].assumed.kick) for each in np.eye(now.size))
+        if best.value > fit.solution.log_likelihood:
+            yield from (of(each * best.model.assumed.kick) for each in np.eye(now.size))
         return
     for i in range(now.size):
         for factor in (0.1, 0.5, 2.0):
@@ -70,19 +70,19 @@ def alone(fit: Fitted) -> Fitted | None:
         tuple(each for each in ship if each.axis != "vertical") for ship in (model.assumed.ship, model.begun)
     )
     for which in (np.ones(pendulums), *np.eye(pendulums)):
-        best, last, size = (-np.inf, model, fit.solution), -np.inf, noticed(fit)
+        best, last, size = Candidate(-np.inf, model, fit.solution), -np.inf, noticed(fit)
         for _ in range(SIZES):
             for ship, first in {level: begun, model.assumed.ship: model.begun}.items():
                 assumed = replace(model.assumed, ship=ship, kick=size * which)
                 trial = replace(model, words=(*model.words, "kicks"), assumed=assumed, begun=first)
-                best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one[0])
-            if best[0] == last:
+                best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one.value)
+            if best.value == last:
                 break
-            last, size = best[0], THRICE * size
-        try:
-            kicked = motion.reshaped(fitted(best[1], path_on(fit, best[1].assumed.ship)))
-            other = max(larger_or_smaller(kicked), key=lambda one: one[0])  # on the ship that goes with them
-            found.append(kicked if other[0] < kicked.solution.log_likelihood else fitted(other[1], kicked.path))
-        except np.linalg.LinAlgError:
-            continue
+            last, size = best.value, THRICE * size
+        kicked = attempted(best.model, path_on(fit, best.model.assumed.ship))
+        if kicked is not None:
+            kicked = motion.reshaped(kicked)
+            other = max(larger_or_smaller(kicked), key=lambda one: one.value)  # on the ship that goes with them
+            more = attempted(other.model, kicked.path) if other.value >= kicked.solution.log_likelihood else kicked
+            found += [] if more is None else [more]
     return max(found, key=lambda one: one.solution.log_likelihood, default=None)

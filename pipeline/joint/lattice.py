@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.passes import Readings
 
 MOST_ANGLE = 1.27  # of the swing a step, rad; readings lie within half of it
 FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrates
@@ -65,26 +64,8 @@ class Lattice:
     def until(self, nodes: int) -> Lattice:
         """Its first nodes alone."""
         some = slice(0, int(np.searchsorted(self.node, nodes)))
-        own = (self.node[some], self.trace[some], self.offset[some], self.value[some])
-        return Lattice(self.start, self.step, nodes, *own, self.combination)
-
-    def readings(self, variance: Floats, value: Floats | None = None, late: Floats | None = None) -> Readings:
-        """What the kernels take.
-
-        Parameters
-        ----------
-        variance : (r,) array
-            Infinite = left out.
-        value : (r,) array, optional
-            In place of the readings' own.
-        late : (r,) array, optional
-            s by which each is later than its time says.
-        """
-        first = np.searchsorted(self.node, np.arange(self.nodes + 1)).astype(np.int64)
-        offset = self.offset
-        if late is not None and np.any(late):
-            offset = offset - late
-        return Readings(first, self.trace, offset, self.value if value is None else value, variance, self.combination)
+        own = {name: getattr(self, name)[some] for name in ("node", "trace", "offset", "value")}
+        return replace(self, nodes=nodes, **own)
 
 
 def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, calm: bool = True) -> Lattice:
@@ -92,15 +73,12 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
 
     Parameters
     ----------
-    time : (n,) array
-        Increasing, s.
+    time : (n,) array, s
     series : (t or t + 2, n) array
         Traces, then horizontal and vertical acceleration over reference gravity; NaN = missing.
     combination : (t, p) array
     frequency : float
-        Of the swing, rad s-1.
-    calm : bool
-        Whether nothing moves much faster than the swing.
+        Of the swing, rad s-1; `calm`: nothing moves much faster than it.
     """
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
@@ -129,6 +107,12 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
         value=series[trace, at],
         combination=np.ascontiguousarray(combination, dtype=np.float64),
     )
+
+
+def folded(frequency: float, step: float) -> float:
+    """Where readings at that step show a frequency, rad s-1."""
+    turns = frequency * step / (2.0 * np.pi)
+    return float(abs(turns - np.rint(turns)) * 2.0 * np.pi / step)
 
 
 WINDOW = 25.0  # s
@@ -172,10 +156,8 @@ def is_calm(time: Floats, series: Floats, swing: float, arc: float) -> bool:
 def _of_the_swing(own: Floats, swing: float, taper: Floats) -> tuple[Floats, Floats]:
     """A line, the swing with an amplitude that changes evenly, its third harmonic; and what fits them under a taper."""
     since = own - own.mean()
-    columns = [np.ones(own.size), since]
-    for multiple in (1.0, 3.0):
-        turn = np.cos(multiple * swing * since), np.sin(multiple * swing * since)
-        columns += [*turn, since * turn[0], since * turn[1]] if multiple == 1.0 else turn
-    design = np.stack(columns, axis=1)
+    once, thrice = np.exp(1j * swing * since), np.exp(3j * swing * since)
+    parts = (once.real, once.imag, since * once.real, since * once.imag, thrice.real, thrice.imag)
+    design = np.stack([np.ones(own.size), since, *parts], axis=1)
     left = taper[:, None] * design
     return design, np.linalg.pinv(design.T @ left, hermitian=True) @ left.T

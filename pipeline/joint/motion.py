@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import spectrum
-from pipeline.joint.explanation import Candidate, Fitted, fitted, grown, path_on, priced, straightened
-from pipeline.joint.problem import Assumed, Problem
-from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration
-from pipeline.joint.whiteness import CALM, UNKNOWN, Shown, clipped, errors_by_frequency
+from pipeline.joint.explanation import STRAIGHT, Candidate, Fitted, attempted, likelier, path_on, priced
+from pipeline.joint.problem import LEVEL, SPARSE, Assumed
+from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration, assemble, parameters
+from pipeline.joint.whiteness import CALM, UNKNOWN, Spectrum, clipped, errors_by_frequency, transfer
 
 WIDTHS = (1, 256)  # bins of a spectrum that are looked at together
 BROAD = 0.03  # relative width from which motion is the sea's
@@ -57,7 +56,7 @@ def first(rough: Fitted, noise: Floats) -> Assumed:
     """
     problem, assumed = rough.model.problem, rough.model.assumed
     heaves = problem.leaves_heave_open(assumed.sine) and all(each.axis != "vertical" for each in assumed.ship)
-    shown = Shown.of(rough, beside=SIDEBANDS if heaves and not _sparse(problem) else LINE)
+    shown = Spectrum.of(rough, beside=SIDEBANDS if heaves and not problem.sparse else LINE)
     still = replace(assumed, kick=np.zeros(problem.pendulums), breaks=())
     tilts = tuple(each for each in assumed.ship if each.axis == "tilt")
     return _rougher(shown, replace(still, ship=(Vibration(6.0, 1e-4), *tilts), noise=noise), "horizontal")
@@ -65,17 +64,17 @@ def first(rough: Fitted, noise: Floats) -> Assumed:
 
 def heaving(rough: Fitted, level: Assumed) -> Assumed:
     """With the vertical seas that the errors of a rough fit ask for."""
-    return _rougher(Shown.of(rough, beside=LINE), level, "vertical")
+    return _rougher(Spectrum.of(rough, beside=LINE), level, "vertical")
 
 
 def kicked(fit: Fitted) -> Assumed:
     """With the kicks of one pendulum, or of all, that the errors ask for."""
     some = [*np.eye(fit.model.problem.pendulums), np.ones(fit.model.problem.pendulums)]
     tried = (replace(fit.model.assumed, kick=size * each) for size in KICKS for each in some)
-    return max(tried, key=Shown.of(fit).gain)
+    return max(tried, key=Spectrum.of(fit).gain)
 
 
-def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
+def _rougher(shown: Spectrum, start: Assumed, axis: Axis) -> Assumed:
     """With the likeliest seas of an axis while they pay, and with what is horizontal and faster than a sea."""
     level, best, slow = axis == "horizontal", start, 0
     top = -np.inf if level else shown.gain(start)
@@ -101,11 +100,6 @@ def _rougher(shown: Shown, start: Assumed, axis: Axis) -> Assumed:
     return replace(best, ship=tuple(ground))
 
 
-def _sparse(problem: Problem) -> bool:
-    """Whether sidebands lie upon each other."""
-    return problem.lattice.interval * problem.swing > spectrum.SPARSE
-
-
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     """Motion of the ship where the whitened errors have more power than white ones; turns where they are asked for.
 
@@ -124,8 +118,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
             raise UnresolvedError
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=assumed)
-        path = grown(fit.path, model.problem.pendulums, assumed.ship)
-        return priced(trial, path, cost=cost + ASKEW * (found.axis == "transverse"))
+        return priced(trial, fit.path, cost=cost + ASKEW * (found.axis == "transverse"))
 
     near, lines = list(ship[len(model.begun) :]), []
     # waves that sway the ship lift it too, and sway planes of swing that are not parallel to the first's
@@ -142,7 +135,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     known = [each for each in ship[len(model.begun) :] if isinstance(each, Engine)]
     if steady and not any(abs(steady.peak - each.peak) < 2.0 * each.damping for each in known):
         yield of(replace(model.assumed, ship=(*ship, steady)))
-    shown = Shown.of(fit, tuple(lines))
+    shown = Spectrum.of(fit, tuple(lines))
     for line in lines:
         assumed, gain = shown.likeliest(replace(model.assumed, ship=(*ship, line)), last=True)
         if gain > COMPONENT and not _like_kicks(assumed.ship[-1], model.problem.swing):
@@ -164,21 +157,30 @@ def reshaped(fit: Fitted) -> Fitted:
     fit = pruned(fit)
     for _ in range(ROUNDS):
         now = fit.model.assumed
-        shown, begun = Shown.of(fit), fit.model.begun
+        shown, begun = Spectrum.of(fit), fit.model.begun
         # what was not known before may have led it astray
         starts = dict.fromkeys((now.ship, (*begun, *now.ship[len(begun) :]), _heaving_as_it_sways(now.ship)))
         wanted, gain = max((shown.likeliest(replace(now, ship=each)) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break
-        tried = (_with(fit, spectrum.between(now, wanted, share)) for share in SHARES)
-        found = next((each for each in tried if each.solution.log_likelihood > fit.solution.log_likelihood), None)
+        reshapings = (_between(now, wanted, share) for share in SHARES)
+        trials = (replace(fit.model, assumed=each) for each in reshapings)
+        fits = (attempted(each, path_on(fit, each.assumed.ship), most=1) for each in trials)
+        found = next((each for each in fits if likelier(fit, each) is not fit), None)
         if found is None:
             break
         more = found.solution.log_likelihood - fit.solution.log_likelihood
         fit = found
         if more < ENOUGH:
             break
-    return straightened(fit)
+    return fit if fit.bent < STRAIGHT else attempted(fit.model, fit.path) or fit
+
+
+def _between(one: Assumed, other: Assumed, share: float) -> Assumed:
+    """Ship and noise some share of the way from one to another of the same kinds, in logarithms."""
+    low, high = parameters(one.ship), parameters(other.ship)
+    noise = one.noise * (other.noise / one.noise) ** share
+    return replace(other, ship=assemble(other.ship, low + share * (high - low)), noise=noise)
 
 
 def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
@@ -191,33 +193,21 @@ def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:
     return tuple(found)
 
 
-def _with(fit: Fitted, assumed: Assumed) -> Fitted:
-    try:
-        return fitted(replace(fit.model, assumed=assumed), path_on(fit, assumed.ship), most=1)
-    except np.linalg.LinAlgError:
-        return fit
-
-
 def pruned(fit: Fitted) -> Fitted:
     """Without components of the ship that the record is likelier without; a broad vertical one would hide gravity."""
-    shown = None
     for number in reversed(range(len(fit.model.assumed.ship))):
         model, ship = fit.model, fit.model.assumed.ship
         rest = (*ship[:number], *ship[number + 1 :])
         if not rest:
             break
-        shown = shown or Shown.of(fit)
-        if shown.gain(replace(model.assumed, ship=rest)) < -MISSED:
+        if Spectrum.of(fit).gain(replace(model.assumed, ship=rest)) < -MISSED:
             continue
         sizes = [2 * model.problem.pendulums, *(each.system()[1].size for each in ship)]
         begin = sum(sizes[: number + 1])
         path = np.delete(fit.path, slice(begin, begin + sizes[number + 1]), axis=1)
         begun = (*model.begun[:number], *model.begun[number + 1 :])
         trial = replace(model, assumed=replace(model.assumed, ship=rest), begun=begun)
-        try:
-            fit, shown = max(fit, fitted(trial, path, most=1), key=lambda each: each.solution.log_likelihood), None
-        except np.linalg.LinAlgError:
-            continue
+        fit = likelier(fit, attempted(trial, path, most=1))
     return fit
 
 
@@ -238,38 +228,36 @@ def _lines(fit: Fitted) -> Iterator[Component]:
     beside = np.abs(np.arange(frequency.size) + np.array([[1], [-1]]) * round(swing / frequency[1]))
     there = beside < frequency.size
     beside[~there] = 0
-    excess, answer = np.zeros((2, frequency.size)), np.zeros((2, frequency.size))
+    excess, response = np.zeros((2, frequency.size)), np.zeros((2, frequency.size))
     for j in dense:
         power, noise = every[j][1:]
         # half of the variance on either side
         acts = 0.5 * there * (arcs[j] * swing**2 / (swing**2 - frequency[beside] ** 2)) ** 2 / noise
-        excess, answer = excess + acts * (power[beside] - 1.0), answer + acts**2
+        excess, response = excess + acts * (power[beside] - 1.0), response + acts**2
+
+    def line(at: int, width: int, square: float, axis: Axis) -> Component:
+        kind = Engine if width * frequency[1] < BROAD * frequency[at] else Sea
+        return kind(float(frequency[at]), float(width * frequency[1]), float(np.sqrt(square)), axis)
 
     def upright(at: int, width: int) -> Component:
-        rows = slice(max(at - width // 2, 0), at + width // 2 + 1)
-        square = float(excess[:, rows].sum()) / float(answer[:, at].sum())
-        size = np.sqrt(max(square, 1e-20))
-        return _shape(frequency[at], width * frequency[1], float(size), "vertical")
+        square = float(excess[:, max(at - width // 2, 0) : at + width // 2 + 1].sum()) / float(response[:, at].sum())
+        return line(at, width, max(square, 1e-20), "vertical")
 
     for j in dense:
         power, noise = every[j][1:]
-        blind = (
-            vertical and abs(float(lattice.combination[j].sum())) < 0.5
-        )  # a difference hardly sees horizontal motion
+        insensitive = abs(float(lattice.combination[j].sum())) < LEVEL
         for at, width in _peaks(power):
             more = float(power[max(at - width // 2, 0) : at + width // 2 + 1].sum()) - width
-            aside = spectrum.transfer(problem, j, frequency[at : at + 1], 1)[0]
-            if aside > 0.0 and abs(float(lattice.combination[j].sum())) < 0.5:  # in planes that are not parallel
-                yield _shape(
-                    frequency[at], width * frequency[1], float(np.sqrt(noise * max(more, 1.0) / aside)), "transverse"
-                )
-            if blind:
+            across, aside = (float(transfer(problem, j, frequency[at : at + 1], first)[0]) for first in (0, 1))
+            square = noise * max(more, 1.0)
+            if insensitive and aside > 0.0:  # in planes that are not parallel
+                yield line(at, width, square / aside, "transverse")
+            if insensitive and vertical:
                 yield from (upright(k, width) for k in beside[:, at] if frequency[k] > LEAST_VERTICAL)
-                continue
-            size = np.sqrt(noise * max(more, 1.0) / spectrum.transfer(problem, j, frequency[at : at + 1])[0])
-            yield _shape(frequency[at], width * frequency[1], float(size), "horizontal")
+            else:
+                yield line(at, width, square / across, "horizontal")
     if vertical:
-        weighed = np.where(answer.sum(axis=0) > 0.0, excess.sum(axis=0) / np.sqrt(answer.sum(axis=0)), 0.0) + 1.0
+        weighed = np.where(response.sum(axis=0) > 0.0, excess.sum(axis=0) / np.sqrt(response.sum(axis=0)), 0.0) + 1.0
         weighed[frequency < LEAST_VERTICAL] = 0.0
         yield from (upright(at, width) for at, width in _peaks(weighed))
 
@@ -301,11 +289,11 @@ def _steady(fit: Fitted) -> Engine | None:
         errors, scale = clipped(fit.of.whitened[used]), float(np.nanmedian(fit.of.scale[used]))
         own = turning[lattice.node[used]] @ lattice.combination[trace] * np.exp(1j * swing * lattice.offset[used])
         place = np.clip(np.rint(lattice.time[used] / step), 0, size - 1).astype(np.int64)
-        for answer, factor in ((above, own.conj()), (below, own)):
+        for response, factor in ((above, own.conj()), (below, own)):
             series = np.zeros(size, dtype=np.complex128)
             series[place] = errors * factor
-            product += answer / scale * fft(series)[some]
-            square += answer**2 / scale**2 * float(np.sum(np.abs(own) ** 2))
+            product += response / scale * fft(series)[some]
+            square += response**2 / scale**2 * float(np.sum(np.abs(own) ** 2))
     gain = np.abs(product) ** 2 / square
     at = int(np.argmax(gain))
     if gain[at] < COMPONENT:
@@ -329,7 +317,7 @@ def _scaled_errors(fit: Fitted, trace: int) -> tuple[Floats, Floats, float]:
     """Power of a trace's whitened errors, of mean 1, by frequency, rad s-1; and the variance that a unit stands for."""
     swing = fit.model.problem.swing
     frequency, power, used = errors_by_frequency(fit, trace)
-    if not frequency.size or np.pi / frequency[-1] * swing > spectrum.SPARSE:
+    if not frequency.size or np.pi / frequency[-1] * swing > SPARSE:
         return np.zeros(0), np.zeros(0), 0.0
     # errors far below their own scale need no explanation
     power = power / max(float(np.median(power)) / np.log(2.0), QUIET)
@@ -346,8 +334,3 @@ def _peaks(power: Floats) -> Iterator[tuple[int, int]]:
         at = int(np.argmax(summed))
         if summed[at] > gammainccinv(width, CHANCE / power.size):
             yield at, width
-
-
-def _shape(frequency: float, width: float, size: float, axis: Axis) -> Component:
-    kind = Engine if width < BROAD * frequency else Sea
-    return kind(float(frequency), float(width), size, axis)

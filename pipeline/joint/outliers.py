@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import apparatus, explanation
-from pipeline.joint.constants import Constant
-from pipeline.joint.explanation import grown, shifted
+from pipeline.joint import apparatus
+from pipeline.joint.constants import Constants
+from pipeline.joint.explanation import Fitted, Model, attempted, grown, priced, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
 
@@ -36,7 +36,7 @@ def deviation(errors: Floats) -> float:
     return max(float(np.quantile(known, 0.25)) / 0.3186, 1.0) if known.size else 1.0
 
 
-def isolated(rough: explanation.Fitted) -> bool:
+def isolated(rough: Fitted) -> bool:
     """Whether single readings lie far off between neighbours that do not: no motion of a ship does that."""
     for own in rough.model.problem.lattice.of_trace:
         errors = np.abs(rough.of.errors[own])
@@ -50,27 +50,27 @@ def isolated(rough: explanation.Fitted) -> bool:
 def smoothed(
     problem: Problem,
     assumed: Assumed,
-    constants: tuple[Constant, ...],
+    constants: Constants,
     about: Floats,
     first_gate: float = COARSE_GATE,
     most: int = MOST_FITS,
-) -> explanation.Fitted:
+) -> Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
     gate = first_gate
     for _ in range(most):
         about = grown(about, problem.pendulums, assumed.ship) if about.size else about
         solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
         before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = explanation.Model((), assumed, constants, problem, assumed.ship)
-        heard = contested(model, about, of.errors, gate) if most > 1 else model
-        fit = explanation.Fitted(heard, solution, about, of, before)
-        if heard is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+        model = Model((), assumed, constants, problem, assumed.ship)
+        kept = contested(model, about, of.errors, gate) if most > 1 else model
+        fit = Fitted(kept, solution, about, of, before)
+        if kept is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-        problem, assumed, constants = heard.problem, heard.assumed, heard.constants
+        problem, assumed, constants = kept.problem, kept.assumed, kept.constants
     return fit
 
 
-def contested(model: explanation.Model, path: Floats, errors: Floats, gate: float) -> explanation.Model:
+def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
     """What to make of prediction errors over a gate: rejected, a knock, a step of a zero or of the clock, or nothing.
 
     Single readings are rejected; of several together the likelihood of the seconds about them decides.
@@ -83,7 +83,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     at = np.flatnonzero(over)
     rejected, lone = problem.left_out.copy(), problem.left_out.copy()
     clusters = np.split(at, np.flatnonzero(np.diff(time[at]) > LINKED) + 1)
-    stepped: tuple[Constant, ...] = ()
+    stepped: Constants = ()
     doubtful = sum(cluster.size >= LEAST_BURST for cluster in clusters)
     for cluster in clusters if np.mean(over) < MOST_OVER else clusters[:1]:
         first, last = time[cluster[[0, -1]]]
@@ -119,8 +119,7 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
         for some, each, more in options:
             trial = replace(model, problem=replace(problem, left_out=some), assumed=each, constants=(*here, *more))
             cost = BROKEN * (each is not assumed) + STEPPED * (len(more) - len(stepped))
-            about = grown(path, problem.pendulums, each.ship)
-            worth.append(explanation.priced(trial, about, cost - OUTLIER * float(some[doubted].sum()), span)[0])
+            worth.append(priced(trial, path, cost - OUTLIER * float(some[doubted].sum()), span).value)
         rejected, assumed, stepped = options[int(np.argmax(worth))]
     if np.mean(rejected) > MOST_REJECTED:
         rejected, assumed = lone, model.assumed
@@ -130,35 +129,32 @@ def contested(model: explanation.Model, path: Floats, errors: Floats, gate: floa
     return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
 
 
-def heard_again(model: explanation.Model, begun: explanation.Fitted, problem: Problem) -> explanation.Fitted:
+def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
     """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
     path = grown(begun.path, problem.pendulums, model.assumed.ship)
     for node in {node for node, _ in model.assumed.breaks}:
         span = stretch(problem, node, node)
         here = replace(model, constants=shifted(model.constants, path, span[0]))
         whole = replace(here.assumed, breaks=tuple(each for each in here.assumed.breaks if each[0] != node))
-        values = [explanation.priced(replace(here, assumed=each), path, span=span)[0] for each in (here.assumed, whole)]
+        values = [priced(replace(here, assumed=each), path, span=span).value for each in (here.assumed, whole)]
         if values[0] < values[1] + BROKEN:
             model = replace(model, assumed=whole)
-    heard = replace(model, problem=problem)
+    model = replace(model, problem=problem)
     for _ in range(MOST_FITS):
-        _, of = heard.problem.run(heard.assumed, heard.constants, about=path, gate=GATE)
-        before, heard = heard, contested(heard, path, of.errors, GATE * deviation(of.errors))
-        if heard is before:
+        _, of = model.problem.run(model.assumed, model.constants, about=path, gate=GATE)
+        before, model = model, contested(model, path, of.errors, GATE * deviation(of.errors))
+        if model is before:
             break
-    return better(heard, begun)
+    return better(model, begun)
 
 
-def better(model: explanation.Model, fit: explanation.Fitted) -> explanation.Fitted:
+def better(model: Model, fit: Fitted) -> Fitted:
     """A model fitted about the path of a fit, or that fit where it stands higher."""
-    try:
-        about = grown(fit.path, model.problem.pendulums, model.assumed.ship)
-        return max(explanation.fitted(model, about), fit, key=standing)
-    except np.linalg.LinAlgError:
-        return fit
+    found = attempted(model, fit.path)
+    return fit if found is None else max(found, fit, key=standing)
 
 
-def standing(fit: explanation.Fitted) -> float:
+def standing(fit: Fitted) -> float:
     """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
     return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
 

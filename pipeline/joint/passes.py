@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.joint.flow import Flow
 
 
 class Readings(NamedTuple):
@@ -24,16 +25,35 @@ class Columns(NamedTuple):
     """The constants; c of them."""
 
     kind: np.ndarray
-    member: np.ndarray  # (c,) kind as above; pendulum, trace (-1: all) or state that it belongs to
+    member: np.ndarray  # (c,) kind of `kinds`; pendulum, trace (-1: all) or state that it belongs to
     centre: Floats
     width: Floats
     """(c,) s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP, CLOCK and
     KNOCK their time; of DRY the centre is the speed below which it fades, rad s-1."""
     value: Floats  # (c,)
+    forced: np.ndarray
+    of_traces: np.ndarray  # Places of those that move the pendulums, and of those that are in the readings
+
+
+class Task(NamedTuple):
+    """What a pass takes; d states."""
+
+    flow: Flow
+    readings: Readings
+    columns: Columns
+    known: Floats
+    recorded: Floats
+    slope: Floats
+    """(k, 4) at the nodes of each step: Z that acts beside the states; recorded heave; its derivative with time. Each
+    may be empty where nothing asks for it."""
+    about: Floats  # (k, d) path about which the flow is linearised; empty: the prediction itself
+    breaks: np.ndarray  # (b, 2) nodes, in order, at which a pendulum is where nothing before tells, and that pendulum
+    gate: float  # Readings whose error is larger than so many deviations are left out; 0: none
+    plain: bool  # Whether all steps are alike: linear pendulums under constant gravity
 
 
 class Pass(NamedTuple):
-    """What a sweep works on and leaves behind; see `sweep`."""
+    """What a sweep works on and leaves behind."""
 
     state: Floats
     """(d, c + 1) derivatives by the constants, last the state itself; predicted for the first node, then for the
@@ -67,7 +87,8 @@ class Slots(NamedTuple):
     reading: np.ndarray
     trace: np.ndarray  # (u,) reading; its trace
     offset: Floats
-    variance: Floats  # (u,)
+    variance: Floats
+    deviation: Floats  # (u,) standard deviation of the prediction error, by itself
     row: Floats
     rate: Floats  # (u, d) row of the reading in the state, and its slope in time
     level: Floats

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import constants as unknown
 from pipeline.joint import filtering, kinds, passes, smoother
-from pipeline.joint.constants import Constant, Solution
+from pipeline.joint.constants import Constants, Solution
 from pipeline.joint.flow import NODES, POINTS, Flow, flow
 from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
@@ -20,6 +20,8 @@ NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NO_PATH = NONE2.astype(np.float32)
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
 FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
+LEAST_NOISE = 1e-6  # rad: readings are taken for no better
+SPARSE = 2.0  # of the swing between readings, rad
 LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
@@ -58,7 +60,7 @@ class Problem:
     none."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
-    time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `clock.with_clock`.
+    time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `film_errors.with_clock`.
     time_noise: float = 0.0
     """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
     paper_steps: tuple[float, ...] = ()
@@ -81,6 +83,11 @@ class Problem:
         """Frequency of the pendulums at reference gravity, rad s-1."""
         return float(np.sqrt(self.kappa.mean()))
 
+    @property
+    def sparse(self) -> bool:
+        """Whether readings are so far apart that sidebands of the swing lie upon each other."""
+        return self.lattice.interval * self.swing > SPARSE
+
     def until(self, nodes: int) -> Problem:
         """The first nodes alone."""
         lattice = self.lattice.until(nodes)
@@ -101,7 +108,7 @@ class Problem:
         """Of each pendulum in a trace; none in the acceleration behind the last."""
         return self.lattice.combination[trace] if trace < self.traces else np.zeros(self.pendulums)
 
-    def flow(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Flow:
+    def flow(self, assumed: Assumed, constants: Constants) -> Flow:
         """One step under the constants' values."""
         count, gravity = self.pendulums, float(unknown.total(constants, kinds.GRAVITY, 1)[0])
         ratio, damping, quadratic, dry = (
@@ -110,29 +117,20 @@ class Problem:
         rate = np.abs(self.damping + damping) / np.sqrt(self.kappa)
         if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
             raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
-        return _flow(
-            self.lattice.step,
-            tuple(self.kappa * (1.0 + ratio)),
-            tuple(self.damping + damping),
-            tuple(assumed.kick),
-            assumed.ship,
-            gravity,
-            assumed.sine,
-            tuple(quadratic),
-            tuple(dry),
-            sum((c.centre + c.value * (c.kind == kinds.FADE) for c in constants if c.kind in FADING), 0.0),
-            assumed.heave_noise,
-        )
+        arrays = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
+        fade = sum((c.centre + c.value * (c.kind == kinds.FADE) for c in constants if c.kind in FADING), 0.0)
+        numbers = self.lattice.step, gravity, assumed.sine, fade, assumed.heave_noise
+        return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 
-    def gain(self, constants: tuple[Constant, ...]) -> Floats:
+    def gain(self, constants: Constants) -> Floats:
         """Error of the scale of each trace, and none of the accelerations."""
         return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
 
-    def cubic(self, constants: tuple[Constant, ...]) -> float:
+    def cubic(self, constants: Constants) -> float:
         """What the optics make of an angle x beside x, over its cube, rad-2."""
         return float(unknown.total(constants, kinds.CUBIC, 1)[0])
 
-    def in_its_scale(self, assumed: Assumed, constants: tuple[Constant, ...]) -> Assumed:
+    def in_its_scale(self, assumed: Assumed, constants: Constants) -> Assumed:
         """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
         level = self.lattice.combination.sum(axis=1) ** 2
         gain = self.gain(constants)[: self.traces]
@@ -142,20 +140,17 @@ class Problem:
         ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
         return replace(assumed, ship=ship, kick=assumed.kick / scale)
 
-    def readings(self, assumed: Assumed, constants: tuple[Constant, ...]) -> passes.Readings:
+    def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
         """The readings less what the constants say of the traces."""
-        own, lattice = self.lattice, self.lattice
-        zero = unknown.total(constants, kinds.ZERO, self.traces + 2)
-        gain = self.gain(constants)
+        own, gain = self.lattice, self.gain(constants)
         delay = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))
-        late = delay[own.trace] if delay.any() or any(c.kind == kinds.CLOCK for c in constants) else None
-        value = lattice.value - zero[own.trace]
+        late, value = delay[own.trace], own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
             elif each.kind == kinds.DRIFT:
                 value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
-            elif each.kind == kinds.CLOCK and late is not None:
+            elif each.kind == kinds.CLOCK:
                 shape = np.cos(each.width * own.time) * (own.time >= each.centre)
                 late += np.where(own.trace < self.traces, each.value * shape, 0.0)
         value /= 1.0 + gain[own.trace]
@@ -165,9 +160,10 @@ class Problem:
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
         if self.left_out.size:
             variance[self.left_out] = np.inf
-        return lattice.readings(variance, value, late)
+        first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
+        return passes.Readings(first, own.trace, own.offset - late, value, variance, own.combination)
 
-    def known(self, constants: tuple[Constant, ...], sine: bool) -> Floats:
+    def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
         course = [each for each in constants if each.kind == kinds.GRAVITY and each.width > 0.0 and each.value]
         scale = 1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])
@@ -188,7 +184,7 @@ class Problem:
     def run(
         self,
         assumed: Assumed,
-        constants: tuple[Constant, ...],
+        constants: Constants,
         *,
         span: tuple[int, int] | None = None,
         about: Floats = NO_PATH,
@@ -204,7 +200,7 @@ class Problem:
         about : (k, d) array
             Path about which the flow is linearised.
         gate : float
-            Readings farther off are left out, in deviations; 0: none.
+            Readings so many deviations off are left out; 0: none.
         root : (c, c) array, optional
             Root of the priors' covariance where they are not independent.
 
@@ -213,178 +209,132 @@ class Problem:
         LinAlgError
             A covariance lost its sign: the assumptions do not go with the readings at all.
         """
-        sweep = self._sweep(assumed, constants, about, gate)
-        sweep.go(*((0, self.lattice.nodes) if span is None else span))
-        return sweep.solution(constants, root), sweep.of
+        begin, end = (0, self.lattice.nodes) if span is None else span
+        task, of = self._task(assumed, constants, about, gate)
+        _go(task, begin, end, of, NOTHING_KEPT)
+        return self._solution(task.readings, of, constants, root, slice(begin, end)), of
 
     def fit(
         self,
         assumed: Assumed,
-        constants: tuple[Constant, ...],
+        constants: Constants,
         *,
         about: Floats = NO_PATH,
         gate: float = 0.0,
         root: Floats | None = None,
         smooth: bool = True,
     ) -> tuple[Solution, passes.Pass, Floats]:
-        """The same of the whole record, with prediction errors at the solution and smoothed path, (k, d).
-
-        Parameters
-        ----------
-        smooth : bool
-            False: the path is `about`.
-        """
-        sweep = self._sweep(assumed, constants, about, gate)
-        nodes, of = self.lattice.nodes, sweep.of
-        size, width = of.state.shape
+        """The same of the whole record, with errors at the solution, and the smoothed path, (k, d), or `about`."""
+        task, of = self._task(assumed, constants, about, gate)
+        nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
         reading = 2 * size + width if smooth else width
         stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
-        keep = sweep.room(min(stretch, nodes), smooth=smooth)
+        keep = _room(task, size, width, min(stretch, nodes), smooth=smooth)
         states = []
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
-            sweep.go(begin, min(begin + stretch, nodes), keep if len(begins) == 1 else NOTHING_KEPT)
-        solution = sweep.solution(constants, root)
+            _go(task, begin, min(begin + stretch, nodes), of, keep if len(begins) == 1 else NOTHING_KEPT)
+        solution = self._solution(task.readings, of, constants, root, slice(0, nodes))
         change = np.append(solution.step, 1.0)
+        pushed = change[np.append(task.columns.forced, -1)]
         adjoint, path = np.zeros(size), np.zeros((nodes if smooth else 0, size), dtype=np.float32)
         smoothed = np.empty((min(stretch, nodes) if smooth else 0, size))
         for begin, (state, covariance) in zip(reversed(begins), reversed(states), strict=True):
             end = min(begin + stretch, nodes)
-            first, last = sweep.readings.first[[begin, end]]
+            first, last = task.readings.first[[begin, end]]
             if len(begins) > 1:  # gone through again, and kept this time
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
                 again = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
                 keep.errors[:] = np.nan
-                replace(sweep, of=again).go(begin, end, keep)
+                _go(task, begin, end, again, keep)
             of.whitened[first:last] = keep.errors[: last - first] @ change
             if smooth:
-                pushed = np.append(change[:-1][sweep.forced], 1.0)
                 smoother.smooth(
-                    sweep.flow, sweep.readings, sweep.breaks, begin, end, pushed, state @ change, covariance,
-                    of.whitened, keep, adjoint, smoothed,
-                )  # fmt: skip
+                    task, begin, end, pushed, state @ change, covariance, of.whitened, keep, adjoint, smoothed
+                )
                 if not np.abs(smoothed[: end - begin, : 2 * self.pendulums : 2]).max() < FARTHEST:
                     raise np.linalg.LinAlgError("the path runs away")
                 path[begin:end] = smoothed[: end - begin]
         return solution, of, path if smooth else about
 
-    def _sweep(self, assumed: Assumed, constants: tuple[Constant, ...], about: Floats, gate: float) -> _Sweep:
+    def _task(
+        self, assumed: Assumed, constants: Constants, about: Floats, gate: float
+    ) -> tuple[passes.Task, passes.Pass]:
+        """What a pass takes, and where it begins."""
         assumed = self.in_its_scale(assumed, constants)
-        ship = Ship.of(assumed.ship)
+        ship, flow, known = Ship.of(assumed.ship), self.flow(assumed, constants), self.known(constants, assumed.sine)
         two, felt = 2 * self.pendulums, slice(None if assumed.sine else 0)  # linear pendulums feel no heave
-        size, width = two + ship.drift.shape[0], len(constants) + 1
+        size, width, count = two + ship.drift.shape[0], len(constants) + 1, self.lattice.node.size
         state, covariance = np.zeros((size, width)), np.zeros((size, size))
         for c, each in enumerate(constants):
             if each.kind == kinds.START:
                 state[each.index, -1] = each.value
                 state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
-        count = self.lattice.node.size
-        return _Sweep(
-            flow=self.flow(assumed, constants),
+        task = passes.Task(
+            flow=flow,
             readings=self.readings(assumed, constants),
             columns=unknown.columns(constants),
-            known=self.known(constants, assumed.sine),
+            known=known,
             recorded=self.recorded[felt],
             slope=self.slope[felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about,
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
-            gain=self.gain(constants),
-            cubic=self.cubic(constants),
-            of=passes.Pass(
-                state,
-                covariance,
-                np.zeros((width, width)),
-                np.zeros(3),
-                np.full(count, np.nan, dtype=np.float32),
-                np.full(count, np.nan),
-                np.full(count, np.nan, dtype=np.float32),
-            ),
+            plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size),
         )
+        errors, whitened, scale = (np.full(count, np.nan, dtype=each) for each in ("f4", "f8", "f4"))
+        sums = np.zeros((width, width)), np.zeros(3)
+        return task, passes.Pass(state, covariance, *sums, errors, whitened, scale)
+
+    def _solution(
+        self, readings: passes.Readings, of: passes.Pass, constants: Constants, root: Floats | None, span: slice
+    ) -> Solution:
+        """What a pass over some nodes says of the constants."""
+        gain, cubic = self.gain(constants), self.cubic(constants)
+        if np.any(gain) or cubic:  # readings were divided by the trace's slope: their density is that of what was read
+            some = slice(readings.first[span.start], readings.first[span.stop])
+            used = np.isfinite(readings.variance[some])
+            trace, value = readings.trace[some][used], readings.value[some][used]
+            of.totals[0] += np.sum(np.log1p(gain[trace]) + np.log1p(3.0 * cubic * value**2 * (trace < self.traces)))
+        return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
 
 
-@lru_cache(maxsize=4)  # trials of breaks and wild readings share it
+@lru_cache(maxsize=4)  # trials of breaks and outliers share it
 def _flow(
-    step: float,
-    kappa: tuple[float, ...],
-    damping: tuple[float, ...],
-    kick: tuple[float, ...],
     ship: tuple[Component, ...],
+    arrays: tuple[tuple[float, ...], ...],
+    step: float,
     gravity: float,
     sine: bool,
-    quadratic: tuple[float, ...],
-    dry: tuple[float, ...],
     fade: float,
     heave_noise: float,
 ) -> Flow:
+    kappa, damping, kick, quadratic, dry = map(np.array, arrays)
     return flow(
-        step, np.array(kappa), np.array(damping), np.array(kick), Ship.of(ship), gravity=gravity, sine=sine,
-        quadratic=np.array(quadratic), dry=np.array(dry), fade=fade, heave_noise=heave_noise,
+        step, kappa, damping, kick, Ship.of(ship), gravity=gravity, sine=sine, quadratic=quadratic, dry=dry, fade=fade,
+        heave_noise=heave_noise,
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Sweep:
-    """One pass of the filter; what `filtering.sweep` takes."""
+def _go(task: passes.Task, begin: int, end: int, of: passes.Pass, keep: passes.Kept) -> None:
+    """Filter a stretch."""
+    if not filtering.sweep(task, begin, end, of, keep) or not np.all(np.isfinite(of.normal)):
+        raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
 
-    flow: Flow
-    readings: passes.Readings
-    columns: passes.Columns
-    known: Floats
-    recorded: Floats
-    slope: Floats
-    about: Floats
-    breaks: np.ndarray
-    gate: float
-    gain: Floats
-    cubic: float
-    of: passes.Pass
 
-    @property
-    def forced(self) -> np.ndarray:
-        """Which constants move the pendulums."""
-        return (self.columns.kind > kinds.START) & (self.columns.kind < kinds.ZERO)
-
-    @property
-    def bent(self) -> bool:
-        """Whether steps differ, as they do unless linear pendulums swing under constant gravity."""
-        flow = self.flow
-        return flow.sine or bool(np.any(flow.quadratic) or np.any(flow.dry)) or self.known.size > 0
-
-    def go(self, begin: int, end: int, keep: passes.Kept = NOTHING_KEPT) -> None:
-        """Filter a stretch."""
-        went = filtering.sweep(
-            self.flow, self.readings, self.columns, self.known, self.recorded, self.slope, self.about, self.breaks,
-            begin, end, self.gate, self.of, keep,
-        )  # fmt: skip
-        if not went or not np.all(np.isfinite(self.of.normal)):
-            raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
-        if np.any(self.gain):  # readings were divided by it: their density is that of what was read
-            of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
-            self.of.totals[0] += np.sum(np.log1p(self.gain)[of.trace[span]][np.isfinite(of.variance[span])])
-        if self.cubic:
-            of, span = self.readings, slice(self.readings.first[begin], self.readings.first[end])
-            used = np.isfinite(of.variance[span]) & (of.trace[span] < self.gain.size - 2)
-            self.of.totals[0] += np.sum(np.log1p(3.0 * self.cubic * of.value[span][used] ** 2))
-
-    def room(self, nodes: int, *, smooth: bool) -> passes.Kept:
-        """For the errors of stretches of so many nodes, and what the smoother needs of them."""
-        size, width = self.of.state.shape
-        first = self.readings.first
-        rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
-        many, all_rows = (nodes, rows) if smooth else (0, 0)
-        return passes.Kept(
-            np.empty((many if self.bent else min(many, 1), 2 * self.flow.kappa.size, size)),
-            np.empty((many, int(self.forced.sum()) + 1 + self.flow.drives, 2 * self.flow.kappa.size)),
-            np.empty(many, dtype=np.int64),
-            np.empty((all_rows, size)),
-            np.empty((all_rows, size)),
-            np.full((rows, width), np.nan),
-        )
-
-    def solution(self, constants: tuple[Constant, ...], root: Floats | None) -> Solution:
-        """What the pass says of the constants."""
-        return unknown.solve(constants, self.of.normal, float(self.of.totals[0]), float(self.of.totals[1]), root)
+def _room(task: passes.Task, size: int, width: int, nodes: int, *, smooth: bool) -> passes.Kept:
+    """For the errors of stretches of so many nodes, and what the smoother needs of them."""
+    first, two = task.readings.first, 2 * task.flow.kappa.size
+    rows = int(np.max(first[nodes:] - first[: first.size - nodes]))
+    many, all_rows = (nodes, rows) if smooth else (0, 0)
+    return passes.Kept(
+        np.empty((min(many, 1) if task.plain else many, two, size)),
+        np.empty((many, task.columns.forced.size + 1 + task.flow.drives, two)),
+        np.empty(many, dtype=np.int64),
+        np.empty((all_rows, size)),
+        np.empty((all_rows, size)),
+        np.full((rows, width), np.nan),
+    )

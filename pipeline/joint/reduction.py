@@ -14,7 +14,7 @@ from pipeline.flags import flags
 from pipeline.gravity import MGAL, gravity
 from pipeline.joint import apparatus, budget
 from pipeline.joint.course import mean_gravity, weights
-from pipeline.joint.explanation import angles
+from pipeline.joint.explanation import Fitted, angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Ship
@@ -70,11 +70,8 @@ class Joint:
 
     def ship(self, time: Floats) -> dict[str, Floats]:
         """Group `ship` of a result: the accelerations of the support at instants of the record's own time."""
-        model, path, reference = (
-            self.outcome.fit.model,
-            self.outcome.fit.path,
-            self.prepared.observation.reference_gravity,
-        )
+        model, path = self.outcome.fit.model, self.outcome.fit.path
+        reference = self.prepared.observation.reference_gravity
         lattice, ship = model.problem.lattice, Ship.of(model.assumed.ship)
         nodes, states = lattice.start + lattice.step * np.arange(lattice.nodes), path[:, 2 * model.problem.pendulums :]
         across, along = (np.interp(time, nodes, states @ row) for row in (ship.horizontal, ship.vertical))
@@ -114,15 +111,16 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     """
     started = clock.perf_counter()
     gathered = gather(record)
-    named = choose_pair(list(gathered.pendulums), gathered.problem.lattice.combination, pair)
+    lattice = gathered.problem.lattice
+    names = choose_pair(list(gathered.pendulums), lattice.combination, pair)
+    one, second = (gathered.pendulums.index(name) for name in names)
     outcome = reduce(gathered)
-    prepared = _prepared(record, gathered, outcome, named)
-    seen, model = prepared.observation, outcome.fit.model
-    second = gathered.pendulums.index(seen.second)
-    frequency = float(np.sqrt(outcome.fit.model.problem.kappa[second] * outcome.mean))
-    damping = model.problem.flow(model.assumed, outcome.fit.solution.constants).damping
-    one = gathered.pendulums.index(seen.first)
-    trace = int(np.argmax(~np.isclose(gathered.problem.lattice.combination.sum(axis=1), 1.0)))
+    fit, model = outcome.fit, outcome.fit.model
+    prepared = _prepared(record, fit, names, (one, second))
+    reference = prepared.observation.reference_gravity
+    frequency = float(np.sqrt(model.problem.kappa[second] * outcome.mean))
+    damping = model.problem.flow(model.assumed, fit.solution.constants).damping
+    trace = int(np.argmax(~np.isclose(lattice.combination.sum(axis=1), 1.0)))
     estimate = Estimate(
         frequency=frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, damping[second])),
@@ -132,61 +130,57 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         samples=int(model.problem.lattice.node.size - outcome.left_out),
         acceleration_reduced=model.assumed.sine,
         of_mean=True,
-        parts=budget.parts(outcome.fit, seen.reference_gravity) | _tilt(record, gathered, outcome, one),
-        shares=budget.shares(outcome.fit, outcome.sigma**2),
+        parts=budget.parts(fit, reference) | _tilt(record, gathered, fit, one),
+        shares=budget.shares(fit, outcome.sigma**2),
     )
     value = gravity(estimate, prepared, gain_uncertainty)
-    raised = [*flags(prepared, estimate, value), *(name for words, name in KINDS.items() if words in model.words)]
-    if any("friction" in words for words in model.words):
-        raised.append("friction-not-viscous")
     knocked = any(words.startswith("knock") for words in model.words)
-    if knocked or apparatus.found(outcome.fit.solution) or outcome.still:
-        raised.append("apparatus-fault")
-    if outcome.spread > WIDENED:
-        raised.append("errors-not-white")
+    raised = {
+        **dict.fromkeys(flags(prepared, estimate, value), True),
+        **{name: words in model.words for words, name in KINDS.items()},
+        "friction-not-viscous": any("friction" in words for words in model.words),
+        "apparatus-fault": bool(knocked or apparatus.faults_found(fit.solution) or outcome.still),
+        "errors-not-white": outcome.spread > WIDENED,
+    }
     elapsed = clock.perf_counter() - started
-    reduction = Reduction("joint", "joint", outcome.words, estimate, value, tuple(dict.fromkeys(raised)), "", elapsed)
+    named = tuple(name for name, is_raised in raised.items() if is_raised)
+    reduction = Reduction("joint", "joint", outcome.words, estimate, value, named, "", elapsed)
     return Joint(reduction, prepared, outcome, (one, second))
 
 
-def _tilt(record: DataTree, gathered: Gathered, outcome: Outcome, first: int) -> dict[str, tuple[float, float, str]]:
+def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict[str, tuple[float, float, str]]:
     """The ledger's entry of a case from which the record measures."""
-    stored, lattice, path = record["record"].dataset, outcome.fit.model.problem.lattice, outcome.fit.path
+    stored, lattice = record["record"].dataset, fit.model.problem.lattice
     if gathered.tilts:
-        tilt = path[:, 2 * gathered.problem.pendulums :] @ Ship.of(outcome.fit.model.assumed.ship).tilt
+        tilt = fit.path[:, 2 * gathered.problem.pendulums :] @ Ship.of(fit.model.assumed.ship).tilt
     elif "case_tilt" in stored and stored.attrs.get("reference") != "vertical":
         values, time = np.asarray(stored["case_tilt"].values), np.asarray(record.dataset["time"].values)
         known, nodes = np.isfinite(values), lattice.start + lattice.step * np.arange(lattice.nodes)
         tilt = np.interp(nodes, time[known], values[known])
     else:
         return {}
-    return budget.of_tilt(path[:, 2 * first], tilt, float(gathered.constants["reference_gravity"]))
+    return budget.of_tilt(fit.path[:, 2 * first], tilt, float(gathered.constants["reference_gravity"]))
 
 
-def _prepared(record: DataTree, gathered: Gathered, outcome: Outcome, pair: tuple[str, str]) -> Prepared:
+def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:
     """The smoothed path of a pair of pendulums as an observation like any other."""
-    problem = outcome.fit.model.problem
-    first, second = pair
-    one, two = gathered.pendulums.index(first), gathered.pendulums.index(second)
-    parts = int(np.ceil(problem.lattice.step * problem.swing / MOST_TURN))
-    step = problem.lattice.step / parts
-    time = step * np.arange(parts * (problem.lattice.nodes - 1) + 1)
-    path = angles(outcome.fit, time)
-    constants = instrument(record, (first, second))
-    vertical = None
-    if problem.heave is not None:
-        vertical = problem.heave(time) * constants["reference_gravity"]
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
+    parts = int(np.ceil(lattice.step * problem.swing / MOST_TURN))
+    step = lattice.step / parts
+    time = step * np.arange(parts * (lattice.nodes - 1) + 1)
+    theta, other = angles(fit, time)[:, list(columns)].T
+    constants = instrument(record, names)
     observation = Observation(
-        first=first,
-        second=second,
-        start=problem.lattice.start,
+        first=names[0],
+        second=names[1],
+        start=lattice.start,
         time=time,
         step=step,
-        theta=path[:, one],
-        difference=path[:, one] - path[:, two],
+        theta=theta,
+        difference=theta - other,
         sigma_theta=None,
         sigma_difference=None,
-        vertical=vertical,
+        vertical=problem.heave(time) * constants["reference_gravity"] if problem.heave else None,
         **constants,
     )
     return Prepared(observation)

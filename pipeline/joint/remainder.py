@@ -26,10 +26,10 @@ SHARES = 0.5 * np.polynomial.legendre.leggauss(POINTS)[1]
 
 
 class Steps(NamedTuple):
-    """What n steps do; p pendulums, f forcing constants, d states, e what `ends_of` gives."""
+    """What n steps do; p pendulums, f forcing constants, d states, e rows of `Flow.ends`."""
 
     nodes: Floats  # (8 p + 8, n) each pendulum's angle at the four nodes, each one's speed, U, Z
-    away: Floats  # (e, n) the path's next row less what the linear flow makes of it, see `ends_of`
+    away: Floats  # (e, n) the path's next row less what the linear flow makes of it, see `Flow.ends`
     shift: Floats  # (8, n) what U and Z are moved by along the path itself
     rest: Floats  # (p, 6, 4, n) see `LEFT`
     by: Floats  # (p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node
@@ -78,19 +78,6 @@ def reach(rows: Floats, state: Floats, nodes: Floats) -> None:
             total += rows[m, q] * state[q, state.shape[1] - 1]
         most = MOST_ACCELERATION if m >= 2 * angles else (MOST_ARC if m < angles else np.inf)
         nodes[m, 0] = min(max(total, -most), most)
-
-
-@kernel
-def ends_of(flow: Flow) -> Floats:
-    """Rows of what a path is at the end of a step: U, Z and their derivatives, each pendulum's angle and speed."""
-    two, size = 2 * flow.kappa.size, flow.horizontal.shape[1]
-    out = np.zeros((4 + two, size))
-    for r in range(two, size):
-        for m in range(2):
-            out[m, r], out[2 + m, r] = flow.horizontal[m, r], flow.vertical[m, r]
-    for r in range(two):
-        out[4 + r, r] = 1.0
-    return out
 
 
 @kernel
@@ -288,19 +275,6 @@ def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> No
                     extra[2 * i + r, s] += own * rest[i, JOINED, m, s] - weight[i, r, m, s] * linear
                     for c in range(4):
                         factor[i, 4 * m + c, r, s] = weight[i, r, m, s] * by[i, c, m, s]
-
-
-@kernel
-def sources(flow: Flow) -> Floats:
-    """Rows of angle, speed, U and Z at the nodes that each pendulum's remainder hangs on, (p, 16, d)."""
-    count = flow.kappa.size
-    out = np.empty((count, 4 * POINTS, flow.rows.shape[1]))
-    for i in range(count):
-        for m in range(POINTS):
-            for c, group in enumerate((i, count + i, 2 * count, 2 * count + 1)):
-                for q in range(out.shape[2]):
-                    out[i, 4 * m + c, q] = flow.rows[POINTS * group + m, q]
-    return out
 
 
 @kernel

@@ -13,26 +13,29 @@ smoothness 5/2: a rougher one costs up to .05 mGal on noise-free records.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from pipeline.arrays import Floats
 
 Axis = Literal["horizontal", "transverse", "vertical", "tilt"]
-"""Of an acceleration over reference gravity; or the angle, rad, of the case from which elongations are measured."""
+"""Of an acceleration over reference gravity; or the angle, rad, of the case from which elongations are measured.
+Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
+FASTEST = 60.0  # s-1, rate of a vibration that the steps of a lattice follow
+FASTEST_HEAVE = 7.0  # rad s-1, of the sea: what is faster has no sidebands, or acts as gravity does
+NARROWEST, BROADEST, LINE = 0.01, 0.7, 1e-4  # of the frequency, a sea's damping; least of a line's
+SWELL = 3.0  # rad s-1: what is narrower than a sea, and slower, is one still
 
 
 def _chain(frequency: float, damping: float, oscillators: int) -> Floats:
-    drift = np.zeros((2 * oscillators, 2 * oscillators))
-    for k in range(0, 2 * oscillators, 2):
-        drift[k, k + 1], drift[k + 1, k], drift[k + 1, k + 1] = 1.0, -(frequency**2), -2.0 * damping
-    return drift
+    one = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * damping]])
+    return np.kron(np.eye(oscillators), one)
 
 
-def _answer(own: float, damping: float, frequency: Floats) -> Floats:
+def _resonance(own: float, damping: float, frequency: Floats) -> Floats:
     return np.asarray(1.0 / ((own**2 - frequency**2) ** 2 + (2.0 * damping * frequency) ** 2))
 
 
@@ -44,7 +47,6 @@ class Oscillators:
     damping: float  # Of each oscillator, rad s-1 and s-1
     rms: float  # Of the acceleration over reference gravity
     axis: Axis = "horizontal"
-    """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 
     @property
     def peak(self) -> float:
@@ -63,14 +65,10 @@ class Sea(Oscillators):
         drift[3, 0], drift[5, 2] = w * w, 1.0
         return drift, np.array([0.0, 0.0, 1.0, 0.0, -w * w, -2.0 * l]), 1
 
-    @property
-    def unit_variance(self) -> float:
-        """Variance under a drive of unit intensity."""
-        return 3.0 * self.frequency**2 / (512.0 * self.damping**5)
-
-    def shape(self, frequency: Floats) -> Floats:
-        """Two-sided spectral density for a drive of unit intensity."""
-        return self.frequency**4 * frequency**4 * _answer(self.frequency, self.damping, frequency) ** 3
+    def density(self, frequency: Floats) -> Floats:
+        """Two-sided power spectral density."""
+        unit = self.rms**2 * 512.0 / 3.0 * self.damping**5 * self.frequency**2
+        return unit * frequency**4 * _resonance(self.frequency, self.damping, frequency) ** 3
 
 
 @dataclass(frozen=True)
@@ -83,14 +81,10 @@ class Engine(Oscillators):
         drift[3, 0] = self.frequency**2
         return drift, np.array([0.0, 0.0, 0.0, 1.0]), 1
 
-    @property
-    def unit_variance(self) -> float:
-        """Variance under a drive of unit intensity."""
-        return self.frequency**2 / (32.0 * self.damping**3)
-
-    def shape(self, frequency: Floats) -> Floats:
-        """Two-sided spectral density for a drive of unit intensity."""
-        return self.frequency**4 * frequency**2 * _answer(self.frequency, self.damping, frequency) ** 2
+    def density(self, frequency: Floats) -> Floats:
+        """Two-sided power spectral density."""
+        unit = self.rms**2 * 32.0 * self.damping**3 * self.frequency**2
+        return unit * frequency**2 * _resonance(self.frequency, self.damping, frequency) ** 2
 
 
 @dataclass(frozen=True)
@@ -100,7 +94,6 @@ class Vibration:
     rate: float  # Inverse of the correlation time, s-1
     rms: float  # Of the acceleration over reference gravity
     axis: Axis = "horizontal"
-    """Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 
     def system(self) -> tuple[Floats, Floats, int]:
         """Drift matrix (3, 3), output row (3,), and the state that is driven."""
@@ -113,14 +106,9 @@ class Vibration:
         """Frequency up to which it is white, rad s-1."""
         return self.rate
 
-    @property
-    def unit_variance(self) -> float:
-        """Variance under a drive of unit intensity."""
-        return 3.0 / (16.0 * self.rate**5)
-
-    def shape(self, frequency: Floats) -> Floats:
-        """Two-sided spectral density for a drive of unit intensity."""
-        return 1.0 / (self.rate**2 + frequency**2) ** 3
+    def density(self, frequency: Floats) -> Floats:
+        """Two-sided power spectral density."""
+        return np.asarray(self.rms**2 * 16.0 / 3.0 * self.rate**5 / (self.rate**2 + frequency**2) ** 3)
 
 
 Component = Sea | Vibration | Engine
@@ -128,57 +116,75 @@ Component = Sea | Vibration | Engine
 
 @dataclass(frozen=True)
 class Ship:
-    """All components as one linear system driven by white noise.
+    """All components as one linear system driven by white noise."""
 
-    Attributes
-    ----------
-    drift : (s, s) array
-        Block diagonal.
-    drive : (s, s) array
-        Intensity of the white noise, diagonal.
-    horizontal, vertical : (s,) arrays
-        Rows that give the two accelerations over reference gravity.
-    tilt : (s,) array
-        The same of the case's angle, rad.
-    stationary : (s, s) array
-        Covariance in the steady state.
-    """
-
-    drift: Floats
-    drive: Floats
+    drift: Floats  # (s, s) block diagonal
+    drive: Floats  # (s, s) intensity of the white noise, diagonal
+    stationary: Floats  # (s, s) covariance in the steady state
     horizontal: Floats
     transverse: Floats
     vertical: Floats
-    tilt: Floats
-    stationary: Floats
+    tilt: Floats  # (s,) rows that give the accelerations over reference gravity, and the case's angle, rad
 
     @staticmethod
     @lru_cache(maxsize=4)
     def of(components: tuple[Component, ...]) -> Ship:
         """Lay the components side by side."""
-        from scipy.linalg import solve_continuous_lyapunov
+        from scipy.linalg import block_diag, solve_continuous_lyapunov
 
-        systems = [component.system() for component in components]
-        size = sum(row.size for _, row, _ in systems)
-        drift, drive, stationary = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-        rows = {axis: np.zeros(size) for axis in ("horizontal", "transverse", "vertical", "tilt")}
-        at = 0
-        for component, (own, row, driven) in zip(components, systems, strict=True):
-            here = slice(at, at + row.size)
-            white = np.zeros_like(own)
-            white[driven, driven] = 1.0
-            steady = solve_continuous_lyapunov(own, -white)
-            scale = component.rms**2 / component.unit_variance
-            drift[here, here], rows[component.axis][here] = own, row
-            drive[here, here], stationary[here, here] = scale * white, scale * 0.5 * (steady + steady.T)
+        drifts, drives, steady = [], [], []
+        size, at = sum(component.system()[1].size for component in components), 0
+        rows = {axis: np.zeros(size) for axis in get_args(Axis)}
+        for component in components:
+            drift, row, driven = component.system()
+            drive = np.zeros_like(drift)
+            drive[driven, driven] = 1.0
+            covariance = solve_continuous_lyapunov(drift, -drive)
+            scale = component.rms**2 / float(row @ covariance @ row)
+            drifts.append(drift)
+            drives.append(scale * drive)
+            steady.append(scale * 0.5 * (covariance + covariance.T))
+            rows[component.axis][at : at + row.size] = row
             at += row.size
-        return Ship(drift=drift, drive=drive, **rows, stationary=stationary)
+        if not components:
+            return Ship(*np.zeros((3, 0, 0)), **rows)
+        return Ship(block_diag(*drifts), block_diag(*drives), block_diag(*steady), **rows)
 
 
 def density(components: tuple[Component, ...], frequency: Floats, axis: Axis) -> Floats:
     """Two-sided power spectral density of the acceleration over reference gravity at frequencies in rad s-1, (f,)."""
-    total = np.zeros(frequency.shape)
-    for component in components:
-        if component.axis == axis:
-            total += component.rms**2 / component.unit_variance * component.shape(frequency)
-    return total
+    return sum((each.density(frequency) for each in components if each.axis == axis), np.zeros(frequency.shape))
+
+
+def parameters(components: tuple[Component, ...]) -> Floats:
+    """Logarithms of frequency or rate, relative damping and size of all components."""
+    out: list[float] = []
+    for each in components:
+        width = [] if isinstance(each, Vibration) else [each.damping / each.frequency]
+        out += [each.peak, *width, each.rms]
+    return np.log(out)
+
+
+def spreads(components: tuple[Component, ...], loose: float = 1.0) -> Floats:
+    """1 sigma of the logarithms of `parameters` about what a spectrum gives; of widths and sizes so much looser."""
+    out: list[float] = []
+    for each in components:
+        out += [0.3, 2.0 * loose] if isinstance(each, Vibration) else [0.2, 0.7 * loose, 1.0 * loose]
+    return np.array(out)
+
+
+def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ...]:
+    """Components of the same kinds with other numbers; a sea that is too narrow for one becomes a line."""
+    values = iter(np.exp(vector).tolist())
+    out: list[Component] = []
+    for each in like:
+        if isinstance(each, Vibration):
+            out.append(replace(each, rate=min(next(values), FASTEST), rms=next(values)))
+            continue
+        frequency, width, size = next(values), next(values), next(values)
+        kind = Engine if isinstance(each, Engine) or (width < NARROWEST and frequency > SWELL) else Sea
+        if kind is Sea and each.axis == "vertical":
+            frequency = min(frequency, FASTEST_HEAVE)
+        width = max(width, NARROWEST if kind is Sea else LINE)
+        out.append(kind(frequency, frequency * min(width, BROADEST), size, each.axis))
+    return tuple(out)

@@ -7,15 +7,13 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint.filtering import ANYWHERE
 from pipeline.joint.flow import Flow
-from pipeline.joint.passes import Kept, Readings
+from pipeline.joint.passes import Kept, Readings, Task
 from synth.kernels.compiled import kernel, summing_kernel
 
 
 @kernel
 def smooth(
-    flow: Flow,
-    readings: Readings,
-    breaks: np.ndarray,
+    task: Task,
     begin: int,
     end: int,
     pushed: Floats,
@@ -30,8 +28,6 @@ def smooth(
 
     Parameters
     ----------
-    breaks : (b, 2) array of int
-        As in `sweep`.
     pushed : (f + 1,) array
         Change of the constants that move the pendulums since the sweep; last: 1.
     state : (d,) array, changed
@@ -45,8 +41,9 @@ def smooth(
     path : (s, d) array, out
         Smoothed states.
     """
+    flow, readings, breaks = task.flow, task.readings, task.breaks
     two, size = keep.swing.shape[1], adjoint.size
-    ahead, later = flow.rows[flow.rows.shape[0] - size + two :].copy(), np.zeros(size)
+    ahead, later = flow.ahead[two:].copy(), np.zeros(size)
     for k in range(end - 1, begin - 1, -1):
         if k + 2 < readings.first.size:
             step_back(keep, k - begin, ahead, adjoint, later)
@@ -58,9 +55,7 @@ def smooth(
     for r in range(ahead.shape[0]):
         for q in range(ahead.shape[0]):
             onward[r, two + q] = ahead[q, two + r]
-    for r in range(size):
-        for q in range(size):
-            state[r] += covariance[r, q] * adjoint[q]
+    state += np.dot(covariance, adjoint)
     for k in range(begin, end):
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:

@@ -83,29 +83,18 @@ def lay_heave(flow: Flow, readings: Readings, slots: Slots, used: int, steps: St
 
 
 @kernel
-def pick(readings: Readings, k: int, slots: Slots, of: Pass) -> int:
-    """Put the readings of node k that are used into the slots; how many there are."""
-    used = 0
+def pick(readings: Readings, k: int, slots: Slots) -> tuple[int, bool]:
+    """Put the readings of node k that are used into the slots; how many, and whether such stood there before."""
+    used, alike = 0, True
     for which in range(readings.first[k], readings.first[k + 1]):
         if readings.variance[which] < np.inf:
-            slots.reading[used] = which
+            trace, offset, variance = readings.trace[which], readings.offset[which], readings.variance[which]
+            alike = alike and slots.trace[used] == trace and slots.offset[used] == offset
+            alike = alike and slots.variance[used] == variance
+            slots.reading[used], slots.trace[used] = which, trace
+            slots.offset[used], slots.variance[used] = offset, variance
             used += 1
-        else:
-            of.errors[which] = of.whitened[which] = np.nan
-    return used
-
-
-@kernel
-def recognise(readings: Readings, slots: Slots, used: int) -> bool:
-    """Whether readings are like those that stood in their slots; notes what the slots hold now."""
-    alike = True
-    for j in range(used):
-        which = slots.reading[j]
-        same = slots.trace[j] == readings.trace[which] and slots.offset[j] == readings.offset[which]
-        alike = alike and same and slots.variance[j] == readings.variance[which]
-        slots.trace[j], slots.offset[j] = readings.trace[which], readings.offset[which]
-        slots.variance[j] = readings.variance[which]
-    return alike
+    return used, alike
 
 
 @kernel
@@ -130,32 +119,34 @@ def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, s: int
 
 
 @summing_kernel
-def square_up(slots: Slots, used: int, gain: Floats, square: Floats) -> None:
-    """Covariance of the prediction errors of a node."""
+def deviate(slots: Slots, used: int, gain: Floats) -> None:
+    """Deviations of a node's prediction errors, from rows times covariance."""
     for j in range(used):
-        for q in range(j + 1):
+        square = slots.variance[j]
+        for r in range(gain.shape[1]):
+            square += gain[j, r] * slots.row[j, r]
+        slots.deviation[j] = np.sqrt(square)
+
+
+@summing_kernel
+def whiten(slots: Slots, used: int, gain: Floats, root: Floats) -> bool:
+    """Gains and Cholesky factor of a node's prediction errors, from rows times covariance; whether it went."""
+    for j in range(used):
+        for q in range(j):
             total = 0.0
             for r in range(gain.shape[1]):
-                total += gain[j, r] * slots.row[q, r]
-            square[j, q] = square[q, j] = total
-        square[j, j] += slots.variance[j]
-
-
-@kernel
-def factorise(square: Floats, used: int, root: Floats) -> bool:
-    """Lower Cholesky factor; whether it went."""
-    for j in range(used):
-        total = square[j, j]
-        for q in range(j):
-            total -= root[j, q] * root[j, q]
-        if not total > 0.0:
+                total += gain[q, r] * slots.row[j, r]
+            root[j, q] = total
+            for r in range(gain.shape[1]):
+                gain[j, r] -= total * gain[q, r]
+        square = slots.variance[j]
+        for r in range(gain.shape[1]):
+            square += gain[j, r] * slots.row[j, r]
+        if not square > 0.0:
             return False
-        root[j, j] = np.sqrt(total)
-        for r in range(j + 1, used):
-            total = square[r, j]
-            for q in range(j):
-                total -= root[r, q] * root[j, q]
-            root[r, j] = total / root[j, j]
+        root[j, j] = np.sqrt(square)
+        for r in range(gain.shape[1]):
+            gain[j, r] /= root[j, j]
     return True
 
 
@@ -196,7 +187,6 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain
         which = slots.reading[j]
         if abs(of.errors[which]) > gate:
             of.totals[2] += 1.0
-            of.whitened[which] = np.nan
             continue
         slots.reading[stay], slots.trace[stay], slots.variance[stay] = which, slots.trace[j], slots.variance[j]
         for r in range(gain.shape[1]):
@@ -215,8 +205,13 @@ def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floa
     ----------
     predicted, updated : (d, n) arrays
     gain, seen : (u, d) and (u, n) arrays
-        Of zeros up to the next multiple of four.
+        Zeroed behind the rows in use, up to a multiple of four.
     """
+    for j in range(used, max(used + (-used) % 4, 4)):
+        for r in range(predicted.shape[0]):
+            gain[j, r] = 0.0
+        for q in range(predicted.shape[1]):
+            seen[j, q] = 0.0
     for r in range(predicted.shape[0]):
         a, b, c, d = gain[0, r], gain[1, r], gain[2, r], gain[3, r]
         for q in range(predicted.shape[1]):
@@ -226,38 +221,6 @@ def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floa
             a, b, c, d = gain[j, r], gain[j + 1, r], gain[j + 2, r], gain[j + 3, r]
             for q in range(predicted.shape[1]):
                 updated[r, q] -= a * seen[j, q] + b * seen[j + 1, q] + c * seen[j + 2, q] + d * seen[j + 3, q]
-
-
-@kernel
-def clear(rows: Floats, used: int) -> None:
-    """Zeros behind the rows in use, up to a multiple of four."""
-    for j in range(used, used + (-used) % 4):
-        for r in range(rows.shape[1]):
-            rows[j, r] = 0.0
-
-
-@kernel
-def copy(source: Floats, to: Floats) -> None:
-    """Copy a matrix."""
-    for r in range(source.shape[0]):
-        for q in range(source.shape[1]):
-            to[r, q] = source[r, q]
-
-
-@kernel
-def add(what: Floats, to: Floats) -> None:
-    """Add a matrix."""
-    for r in range(what.shape[0]):
-        for q in range(what.shape[1]):
-            to[r, q] += what[r, q]
-
-
-@kernel
-def take_off(what: Floats, of: Floats) -> None:
-    """Subtract a matrix."""
-    for r in range(what.shape[0]):
-        for q in range(what.shape[1]):
-            of[r, q] -= what[r, q]
 
 
 @kernel

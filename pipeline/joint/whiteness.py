@@ -7,20 +7,19 @@ in all of the record, through gaps. Whittle's likelihood of that ratio moves all
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
+from typing import Any, TypeVar, cast, get_args
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import spectrum
 from pipeline.joint.explanation import Fitted
-from pipeline.joint.problem import Assumed
-from pipeline.joint.ship import Component, Engine, density
+from pipeline.joint.lattice import folded
+from pipeline.joint.problem import LEAST_NOISE, Assumed, Problem
+from pipeline.joint.ship import Axis, Component, Engine, assemble, parameters, spreads
 
-LEVEL = {"horizontal": "across", "transverse": "aside"}
-"""Axes of motion that push pendulums whatever their angle, and the answer to it."""
 LEAST_READINGS = 100
 LEAST = 3  # bins from zero frequency, and on either side of the swing, that constants fill
 BINS, FINE, BESIDE = 200, 3.0, 10.0  # in all; a line's width over that of a bin about it; widths on either side of it
@@ -36,19 +35,29 @@ UNKNOWN, UNKNOWN_SPREAD = 1e-4, 3.0  # rad; the same of one that is not stated
 STEP, MOST_STEP = 1e-5, 1.0  # of a logarithm: for its slope; at once
 ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
+Result = TypeVar("Result")
+_FIELDS = ("power", "weight", "centre", "trace", "step", "frequency", "bins", "kicked", *get_args(Axis))
 
 
+def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
+    """A function of a fit whose results are kept with it."""
+
+    @wraps(function)
+    def known(fit: Fitted, *arguments: Any, **named: Any) -> Result:
+        key = function.__qualname__, arguments, tuple(named.items())
+        if key not in fit.spectra:
+            fit.spectra[key] = function(fit, *arguments, **named)
+        return cast(Result, fit.spectra[key])
+
+    return known
+
+
+@_kept
 def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and their samples.
 
-    Empty where they are few. Under a taper, a power of a sine: lines leak without. Kept with the fit.
+    Empty where they are few. Under a taper, a power of a sine: lines leak without.
     """
-    if (trace, taper) not in fit.spectra:
-        fit.spectra[trace, taper] = _errors_by_frequency(fit, trace, taper)
-    return fit.spectra[trace, taper]
-
-
-def _errors_by_frequency(fit: Fitted, trace: int, taper: int) -> tuple[Floats, Floats, np.ndarray]:
     from scipy.fft import next_fast_len, rfft
 
     lattice = fit.model.problem.lattice
@@ -66,9 +75,22 @@ def _errors_by_frequency(fit: Fitted, trace: int, taper: int) -> tuple[Floats, F
 
 
 def clipped(errors: Floats) -> Floats:
-    """Without what is wild, which has no spectrum."""
+    """Errors without outliers, which have no spectrum."""
     most = CLIPPED * float(np.median(np.abs(errors)))
     return np.asarray(np.clip(errors, -most, most))
+
+
+def transfer(problem: Problem, trace: int, frequency: Floats, first: int = 0) -> Floats:
+    """Square of a trace's response to U by frequency, of pendulums from the first on; of a recorded acceleration's."""
+    if trace >= problem.traces:
+        return np.full(frequency.shape, float(first == 0))
+    kappa, weights = problem.kappa[first:], problem.lattice.combination[trace, first:]
+    return np.asarray((kappa / (kappa - frequency[..., None] ** 2) @ weights) ** 2)
+
+
+def beside_the_swing(swing: float, angles: Floats, frequency: Floats) -> Floats:
+    """Square of a trace's response to Z on either side of the swing by frequency, where it swings by `angles`, (n,)."""
+    return np.asarray(0.5 * float(np.mean(angles**2)) * (swing**2 / (swing**2 - frequency**2)) ** 2)
 
 
 def _binned(frequency: Floats, edges: Floats) -> tuple[np.ndarray, np.ndarray]:
@@ -89,232 +111,176 @@ def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:
     return np.asarray(frequency[some[above[some] > SHARP]])
 
 
-@dataclass(frozen=True)
-class Band:
-    """Errors of a trace, in bins of frequency, f of them; m frequencies fall on each where samples are sparse."""
-
-    trace: int
-    power: Floats
-    weight: Floats  # (f,) mean power of the errors, and number of ordinates
-    frequency: Floats  # (m, f) rad s-1, the bin's own in the middle row
-    across: Floats
-    aside: Floats
-    upright: Floats
-    """(m, f) square of the trace's answer to U, to U of all but the first pendulum, and to Z on either side of the
-    swing."""
-    kicked: Floats  # (m, f, p) the same to the kicks of each pendulum
-    step: float  # s between samples
-    level: float  # The same to the tilt of the case
-
-    @staticmethod
-    def of(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> Band | None:
-        """The errors of a trace, but those so near the swing, relative to it; finer bins about some lines."""
-        problem = fit.model.problem
-        swing = problem.swing
-        taper = ROUGH if beside else 1
-        frequency, power, _ = errors_by_frequency(fit, trace, taper)
-        if frequency.size <= 4 * LEAST:
-            return None
-        step = float(np.pi / frequency[-1])
-        bin_width, centre = frequency[1], spectrum.folded(swing, step)
-        near = max(beside * swing, (LEAST + 0.5) * bin_width)
-        keep = np.abs(frequency - centre) > near
-        if not beside and trace not in problem.differences:
-            keep |= power > CERTAIN  # constants fill what lies at the swing, but they add nothing
-        keep[:LEAST] = False
-        frequency, power = frequency[keep], power[keep]
-        # traces answer at the swing as nowhere else
-        off = np.append(bin_width * (np.arange(LEAST) + 0.5), near * np.geomspace(1.0, WIDELY, NEARBY))
-        edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1), centre - off, centre + off]
-        fast = np.searchsorted(frequency, CALM * swing, side="right")
-        narrow = [(peak, 0.0, "horizontal") for peak in _sharp(frequency[fast:], power[fast:], edges[0])]
-        narrow += [(each.peak, each.damping, each.axis) for each in lines if isinstance(each, Engine)]
-        for peak, width, axis in narrow:
-            about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, bin_width)
-            centres = [peak] if axis in LEVEL else [abs(peak + by) for by in (swing, -swing)]
-            edges += [each + about for each in centres]
-        begins, count = _binned(frequency, np.concatenate(edges))
-        mean, weight = np.add.reduceat(frequency, begins) / count, count / TAPERED[taper]
-        folds = int(2.0 * swing * step / np.pi)  # sparse samples show what is faster among the rest
-        every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None])
-        weights = problem.weights(trace)
-        angles = fit.path[:, : 2 * problem.pendulums : 2] @ weights
-        upright = spectrum.beside_the_swing(swing, 0.5 * float(np.mean(angles**2)), every)
-        across, aside = (spectrum.transfer(problem, trace, every, first) for first in (0, 1))
-        kicked = weights**2 * problem.kappa / (problem.kappa - every[..., None] ** 2) ** 2
-        return Band(
-            trace,
-            np.add.reduceat(power, begins) / count,
-            weight,
-            every,
-            across,
-            aside,
-            upright,
-            kicked,
-            step,
-            float(weights.sum()) ** 2,
-        )
+def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> dict[str, Any]:
+    """Fields of `Spectrum` from the errors of one trace, whose bins count from 0; of few readings there are none."""
+    problem = fit.model.problem
+    swing, taper = problem.swing, ROUGH if beside else 1
+    frequency, power, _ = errors_by_frequency(fit, trace, taper)
+    if frequency.size <= 4 * LEAST:
+        return dict.fromkeys(_FIELDS, np.zeros(0, dtype=np.int64)) | {"kicked": np.zeros((0, problem.pendulums))}
+    step = float(np.pi / frequency[-1])
+    bin_width, centre = frequency[1], folded(swing, step)
+    near = max(beside * swing, (LEAST + 0.5) * bin_width)
+    keep = np.abs(frequency - centre) > near
+    if not beside and trace not in problem.differences:
+        keep |= power > CERTAIN  # constants fill what lies at the swing, but they add nothing
+    keep[:LEAST] = False
+    frequency, power = frequency[keep], power[keep]
+    # traces respond at the swing as nowhere else
+    off = np.append(bin_width * (np.arange(LEAST) + 0.5), near * np.geomspace(1.0, WIDELY, NEARBY))
+    edges = [np.geomspace(frequency[0], frequency[-1] * 1.0001, BINS + 1), centre - off, centre + off]
+    fast = np.searchsorted(frequency, CALM * swing, side="right")
+    narrow = [(peak, 0.0, False) for peak in _sharp(frequency[fast:], power[fast:], edges[0])]
+    narrow += [(each.peak, each.damping, each.axis == "vertical") for each in lines if isinstance(each, Engine)]
+    for peak, width, upright in narrow:
+        about = np.arange(-BESIDE, BESIDE, 1.0 / FINE) * max(width, bin_width)
+        edges += [abs(peak + by) + about for by in ((swing, -swing) if upright else (0.0,))]
+    begins, count = _binned(frequency, np.concatenate(edges))
+    mean = np.add.reduceat(frequency, begins) / count
+    folds = int(2.0 * swing * step / np.pi)  # sparse samples show what is faster among the rest
+    every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None]).ravel()
+    weights = problem.weights(trace)
+    angles = fit.path[:, : 2 * problem.pendulums : 2] @ weights
+    kicked = weights**2 * problem.kappa / (problem.kappa - every[:, None] ** 2) ** 2
+    return {
+        "power": np.add.reduceat(power, begins) / count,
+        "weight": count / TAPERED[taper],
+        "centre": mean,
+        "trace": np.full(mean.size, trace),
+        "step": np.full(mean.size, step),
+        "frequency": every,
+        "bins": np.arange(every.size) % mean.size,
+        "horizontal": transfer(problem, trace, every),
+        "transverse": transfer(problem, trace, every, 1),
+        "vertical": beside_the_swing(swing, angles, every),
+        "tilt": np.full(every.size, float(weights.sum()) ** 2),
+        "kicked": kicked.reshape(-1, mean.size, problem.pendulums).sum(axis=0),
+    }
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """The errors of all traces beside what a fit assumes; n bins in all bands."""
+class Spectrum:
+    """The errors of all traces beside what a fit assumes, in n bins of frequency; where samples are sparse, several of
+    the m frequencies fall on one."""
 
-    bands: tuple[Band, ...]
     assumed: Assumed
     swing: float  # rad s-1
-    _answers: dict[tuple[object, ...], Floats] = field(default_factory=dict)
+    power: Floats
+    weight: Floats
+    centre: Floats
+    trace: np.ndarray
+    step: Floats
+    """(n,) mean power of the errors, number of ordinates, frequency, rad s-1, trace, and s between its samples."""
+    frequency: Floats
+    bins: np.ndarray  # (m,) frequencies, rad s-1, and the bins that they fall on
+    response: dict[str, Floats]  # (m,) square of the trace's response to motion along each axis
+    kicked: Floats  # (n, p) the same to the kicks of each pendulum
+    _units: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
     @staticmethod
-    def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Shown:
-        """What a fit shows, also of some lines that it does not assume, but so near the swing, relative to it."""
+    @_kept
+    def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Spectrum:
+        """The errors but those so near the swing, relative to it; finer bins about lines, also of some not assumed."""
         problem, assumed = fit.model.problem, fit.model.assumed
-        found = [Band.of(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 1)]
-        return Shown(tuple(each for each in found if each is not None), assumed, problem.swing)
-
-    def _of_all(self, parts: Iterable[Floats]) -> Floats:
-        return np.concatenate([np.zeros(0), *parts])
-
-    @cached_property
-    def _every(self) -> dict[str, Floats]:
-        """Frequencies of all bands, and the answers to U and Z, (m n,) arrays."""
-        names = ("frequency", "across", "aside", "upright")
-        return {name: self._of_all(getattr(each, name).ravel() for each in self.bands) for name in names}
+        bands = [_band(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 1)]
+        size = 0
+        for each in bands:
+            each["bins"] = each["bins"] + size
+            size += each["power"].size
+        whole: dict[str, Any] = {name: np.concatenate([each[name] for each in bands]) for name in _FIELDS}
+        response = {axis: whole.pop(axis) for axis in get_args(Axis)}
+        return Spectrum(assumed, problem.swing, response=response, **whole)
 
     @cached_property
-    def _bins(self) -> np.ndarray:
-        """Bin that each of them falls upon."""
-        sizes = [each.power.size for each in self.bands]
-        parts = zip(np.cumsum([0, *sizes[:-1]]), self.bands, strict=True) if sizes else ()
-        return np.concatenate([np.arange(0), *(at + np.arange(b.frequency.size) % b.power.size for at, b in parts)])
+    def expected(self) -> Floats:
+        """Density that the fit made expect, (n,)."""
+        return self.density(self.assumed)
 
     def _of(self, component: Component) -> Floats:
-        """Density that a component of the ship makes expect in all bands, (n,)."""
-        frequency = self._every["frequency"]
-        if component.axis in LEVEL:
-            every = self._every[LEVEL[component.axis]] * density((component,), frequency, component.axis)
-        elif component.axis == "tilt":
-            level = self._of_all(np.full(each.frequency.size, each.level) for each in self.bands)
-            every = level * density((component,), frequency, "tilt")
-        else:
-            above, below = (
-                density((component,), np.abs(frequency + by), "vertical") for by in (self.swing, -self.swing)
-            )
-            every = self._every["upright"] * (above + below)
-        folded = frequency.size > self.power.size
-        return np.asarray(np.bincount(self._bins, every, self.power.size) if folded else every)
+        """Density that a component of the ship makes expect, (n,)."""
+        at = self.frequency
+        places = (at + self.swing, np.abs(at - self.swing)) if component.axis == "vertical" else (at,)
+        every = self.response[component.axis] * sum(component.density(each) for each in places)
+        folds = at.size > self.power.size
+        return np.asarray(np.bincount(self.bins, every, self.power.size) if folds else every)
 
-    def _answer(self, component: Component) -> Floats:
+    def _scaled(self, component: Component) -> Floats:
         """The same, kept for one of unit size."""
         shape = type(component), component.axis, component.peak, getattr(component, "damping", 0.0)
-        if shape not in self._answers:
-            self._answers[shape] = self._of(replace(component, rms=1.0))
-        return np.asarray(component.rms**2 * self._answers[shape])
+        if shape not in self._units:
+            self._units[shape] = self._of(replace(component, rms=1.0))
+        return np.asarray(component.rms**2 * self._units[shape])
 
-    def _noisy(self, trace: int, noise: float) -> Floats:
-        """Density that the noise of a trace makes expect in all bands, (n,)."""
-        parts = (np.full(each.power.size, noise**2 * each.step * (each.trace == trace)) for each in self.bands)
-        return self._of_all(parts)
+    def density(self, assumed: Assumed) -> Floats:
+        """Density that assumptions make expect, (n,)."""
+        rest = self.kicked @ assumed.kick**2 + assumed.noise[self.trace] ** 2 * self.step
+        return np.asarray(sum((self._scaled(each) for each in assumed.ship), rest))
 
-    @cached_property
-    def _of_kicks(self) -> Floats:
-        """Density that kicks of each pendulum make expect, (n, p)."""
-        return np.concatenate(
-            [np.zeros((0, self.assumed.kick.size)), *(each.kicked.sum(axis=0) for each in self.bands)]
-        )
-
-    def density(self, wanted: Assumed) -> Floats:
-        """Density that it makes expect in all bands, (n,)."""
-        noise = self._of_all(np.full(each.power.size, wanted.noise[each.trace] ** 2 * each.step) for each in self.bands)
-        return np.asarray(sum((self._answer(each) for each in wanted.ship), self._of_kicks @ wanted.kick**2 + noise))
-
-    @cached_property
-    def assumed_density(self) -> Floats:
-        """Logarithm of what the fit made expect, (n,)."""
-        return np.asarray(np.log(self.density(self.assumed)))
-
-    def gain(self, wanted: Assumed) -> float:
-        """What the likelihood gains where other things are assumed."""
-        return float(self._worth(np.log(self.density(wanted)) - self.assumed_density))
-
-    def _worth(self, more: Floats) -> Floats:
+    def _likelihood(self, density: Floats) -> Floats:
+        """Log-likelihood of the errors under densities, (..., n), over that under what the fit assumes."""
+        more = np.log(density / self.expected)
         return np.asarray(-(more + self.power * (np.exp(-more) - 1.0)) @ self.weight)
 
-    @cached_property
-    def power(self) -> Floats:
-        """Of the errors in all bands, (n,)."""
-        return self._of_all(each.power for each in self.bands)
+    def gain(self, assumed: Assumed) -> float:
+        """What the likelihood gains where other things are assumed."""
+        return float(self._likelihood(self.density(assumed)))
 
-    @cached_property
-    def weight(self) -> Floats:
-        """Ordinates in each bin of all bands, (n,)."""
-        return self._of_all(each.weight for each in self.bands)
-
-    def excess(self, wanted: Assumed) -> float:
+    def excess(self, assumed: Assumed) -> float:
         """Frequency above the sea's where the errors exceed most what else would be expected, rad s-1; 0: nowhere."""
-        over = np.exp(self.assumed_density) / self.density(wanted) * self.power - 1.0
-        at = self._of_all(each.frequency[len(each.frequency) // 2] for each in self.bands)
-        over[at < CALM * self.swing] = 0.0
-        return float(at[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
+        over = self.expected / self.density(assumed) * self.power - 1.0
+        over[self.centre < CALM * self.swing] = 0.0
+        return float(self.centre[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
 
-    def joined(self, wanted: Assumed, units: Sequence[Component], sizes: Sequence[float]) -> Assumed:
+    def joined(self, assumed: Assumed, units: Sequence[Component], sizes: Sequence[float]) -> Assumed:
         """With the one of several components of unit size, and the size, that make the errors likeliest."""
-        square, base = np.square(sizes)[:, None], self.density(wanted)
-        worth = [self._worth(np.log(base + square * self._answer(each)) - self.assumed_density) for each in units]
+        square, base = np.square(sizes)[:, None], self.density(assumed)
+        worth = [self._likelihood(base + square * self._scaled(each)) for each in units]
         at, size = divmod(int(np.argmax(worth)), len(sizes))
-        return replace(wanted, ship=(*wanted.ship, replace(units[at], rms=sizes[size])))
+        return replace(assumed, ship=(*assumed.ship, replace(units[at], rms=sizes[size])))
 
     def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
         """Ship and noise where the errors are likeliest, and by how much, in log-likelihood.
 
-        Scoring on the logarithms of all parameters, or on those of the last component.
-
-        Parameters
-        ----------
-        start : Assumed
-            They keep to it; a noise that is NaN is sought from nothing.
-        loose : float
-            By how much less widths and sizes keep to it than they would to a fit.
+        Scoring on the logarithms of all parameters, or on those of the last component. They keep to the start, widths
+        and sizes `loose` times less than they would to a fit; a noise that is NaN is sought from nothing.
         """
         ship, count = start.ship, start.noise.size - 2
-        places = np.cumsum([0, *(spectrum.parameters((each,)).size for each in ship)])
+        places = np.cumsum([0, *(parameters((each,)).size for each in ship)])
         own = int(places[-1])
         unknown = ~np.isfinite(start.noise[:count])
-        vector = np.append(spectrum.parameters(ship), np.log(np.where(unknown, UNKNOWN, start.noise[:count])))
-        spread = np.append(spectrum.spreads(ship, loose), np.where(unknown, UNKNOWN_SPREAD, NOISE_SPREAD))
+        vector = np.append(parameters(ship), np.log(np.where(unknown, UNKNOWN, start.noise[:count])))
+        spread = np.append(spreads(ship, loose), np.where(unknown, UNKNOWN_SPREAD, NOISE_SPREAD))
         free = np.arange(places[-2], own) if last else np.arange(vector.size)
         begin = vector
 
         def make(vector: Floats) -> Assumed:
-            size = np.maximum(np.exp(vector[own:]), spectrum.LEAST_NOISE)
-            noise = np.append(size, start.noise[count:])
-            return replace(start, ship=spectrum.assemble(ship, vector[:own]), noise=noise)
+            noise = np.append(np.maximum(np.exp(vector[own:]), LEAST_NOISE), start.noise[count:])
+            return replace(start, ship=assemble(ship, vector[:own]), noise=noise)
 
         def value(vector: Floats) -> tuple[float, Floats]:
             whole = self.density(make(vector))
-            worth = float(self._worth(np.log(whole) - self.assumed_density))
-            return worth - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), whole
+            return float(self._likelihood(whole)) - 0.5 * float(np.sum(((vector - begin) / spread) ** 2)), whole
 
         def slopes(vector: Floats) -> Iterator[Floats]:
             """Of the density by the free parameters."""
             now = make(vector)
             for k in free.tolist():
                 if k >= own:
-                    yield 2.0 * self._noisy(k - own, now.noise[k - own])
+                    yield 2.0 * now.noise[k - own] ** 2 * self.step * (self.trace == k - own)
                     continue
                 of = int(np.searchsorted(places, k, side="right")) - 1
-                there = self._answer(now.ship[of])
+                there = self._scaled(now.ship[of])
                 if k == places[of + 1] - 1:  # a size
                     yield 2.0 * there
                     continue
                 moved = vector[places[of] : places[of + 1]].copy()
                 moved[k - places[of]] += STEP
-                yield (self._of(spectrum.assemble((ship[of],), moved)[0]) - there) / STEP
+                yield (self._of(assemble((ship[of],), moved)[0]) - there) / STEP
 
         top, whole = value(vector)
         for _ in range(ROUNDS):
             rows = np.stack(list(slopes(vector))) / whole
-            over = self.power * np.exp(self.assumed_density) / whole - 1.0
+            over = self.power * self.expected / whole - 1.0
             slope = rows @ (self.weight * over) - ((vector - begin) / spread**2)[free]
             step = np.linalg.solve((rows * self.weight) @ rows.T + np.diag(spread[free] ** -2.0), slope)
             by = np.zeros(vector.size)

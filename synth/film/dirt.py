@@ -65,13 +65,13 @@ class Dirt:
 
     def _tear_off(self, image: Pixels, first: int, tear: Floats) -> None:
         """Nothing is left of the paper beyond the tear: the scanner's lid shows."""
-        map_ = self._geometry
-        if (first + len(image) - map_.corner[0]) + map_.width < float(np.min(tear)):
+        geometry = self._geometry
+        if (first + len(image) - geometry.corner[0]) + geometry.width < float(np.min(tear)):
             return
-        y = np.arange(first, first + len(image), dtype=np.float64)[:, None] + 0.5 - map_.corner[0]
-        x = np.arange(map_.columns, dtype=np.float64) + 0.5 - map_.corner[1]
-        along = y * math.cos(map_.turn) + x * math.sin(map_.turn)
-        across = x * math.cos(map_.turn) - y * math.sin(map_.turn)
+        y = np.arange(first, first + len(image), dtype=np.float64)[:, None] + 0.5 - geometry.corner[0]
+        x = np.arange(geometry.columns, dtype=np.float64) + 0.5 - geometry.corner[1]
+        along = y * math.cos(geometry.turn) + x * math.sin(geometry.turn)
+        across = x * math.cos(geometry.turn) - y * math.sin(geometry.turn)
         image[along > np.interp(across, np.arange(tear.size), tear)] = 0.0
 
 

@@ -1,36 +1,50 @@
-"""From a record or a scene to a film: image, what is known of it, and its truth."""
+"""From a record or a scene to a film in three files: the image, what an observer knows of it, and its truth."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.appending import Appended
+from data_schemas.contents import Contents, Entry, Group, shown
 from data_schemas.errors import FileError, UsageError
-from data_schemas.film_description import description_path, film_stem
+from data_schemas.film_description import (
+    BASE,
+    BASES,
+    PERIODS,
+    DescribedInstrument,
+    DescribedPendulum,
+    FilmDescription,
+    description_path,
+    film_stem,
+)
+from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
 from data_schemas.shield import shielded
 from data_schemas.text_files import toml_text
-from data_schemas.writing import may_write, place_of, reason, write_text
-from synth.film.layout import STRIP, Pixels, plan_film
-from synth.film.sidecars import ImageFile, description_of, truth_of
+from data_schemas.variables import attributes
+from data_schemas.writing import beside, give_name, may_write, place_of, reason, write_text
+from synth.film.layout import STRIP, FilmPlan, Pixels, plan_film
 from synth.film.source import source_of
-from synth.film.strips import Development, Exposure, blurred, quantised
+from synth.film.strips import Crossings, Development, Exposure, blurred, quantised
 from synth.phase import Floats
+from synth.recording.observe import described, label_array
 from synth.shipped import load_film
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-@dataclass(frozen=True)
-class Exposed:
+class Exposed(NamedTuple):
     """What was made: size of the image, px; length of the film, m; labels of the traces; paths."""
 
     rows: int
@@ -116,52 +130,184 @@ def expose_to(
     target = Path(path)
     if target.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
-    for one in (target, description_path(target), film_truth_path(target)):  # refused before the work, not after it
-        try:
-            may_write(place_of(one), one, overwrite)
-        except OSError as error:
-            raise FileError(f"{one}: cannot be written, {reason(error)}") from error
+    description, truth = description_path(target), film_truth_path(target)
+    for each in (target, description, truth):  # refused before the work, not after it
+        with _write_errors(each):
+            may_write(place_of(each), each, overwrite)
+    scene = source if isinstance(source, Scene) else None
     if film is None:
-        film = source.film if isinstance(source, Scene) and source.film is not None else Film()
+        film = scene.film if scene is not None and scene.film is not None else Film()
     elif isinstance(film, str):
         film = load_film(film)
-    if seed is None:
-        seed = film.seed if film.seed is not None else source.seed if isinstance(source, Scene) else 0
-    plan = plan_film(source_of(source), film, seed)
-    exposure, development, truth = Exposure(plan), Development(plan), truth_of(plan)
-    transport, geometry = plan.transport, plan.geometry
-    text = toml_text(description_of(plan).model_dump())
-    made = Exposed(
-        geometry.rows, geometry.columns, geometry.length / geometry.pixels / 1000.0, plan.source.traces,
-        target, description_path(target), film_truth_path(target),
-    )  # fmt: skip
+    seeds = [seed, film.seed, None if scene is None else scene.seed, 0]
+    plan = plan_film(source_of(source), film, next(each for each in seeds if each is not None))
+    exposure, development, lay_out = Exposure(plan), Development(plan), _truth_of(plan)
+    geometry, transport = plan.geometry, plan.transport
+    total = geometry.rows
+    text = toml_text(_description_of(plan).model_dump())
 
     with (
-        ImageFile(target, made.rows, made.columns, film.bits, film.dpi, overwrite=overwrite) as image,
-        Appended(made.truth, made.rows, overwrite=overwrite) as kept,
+        ImageFile(target, total, geometry.columns, film.bits, film.dpi, overwrite=overwrite) as image,
+        Appended(truth, total, overwrite=overwrite) as kept,
     ):
 
         def strips() -> Iterator[Pixels]:
-            for number in range(-(-made.rows // STRIP)):
+            for number in range(-(-total // STRIP)):
                 latent, crossings = exposure.strip(number)
                 rows: Floats = number * STRIP + np.arange(len(latent), dtype=np.float64) + 0.5
-                kept.append(truth(transport.time_at(geometry.along_at_left(rows)), crossings))
+                kept.append(lay_out(transport.time_at(geometry.along_at_left(rows)), crossings))
                 yield development.strip(number, latent)
 
         done = 0
         for pixels in blurred(strips(), film.blur):
             strip = quantised(pixels, film.bits)
             if film.upside_down:
-                image.write(made.rows - done - len(strip), strip[::-1, ::-1])
+                image.write(total - done - len(strip), strip[::-1, ::-1])
             else:
                 image.write(done, strip)
             done += len(strip)
             if progress is not None:
-                progress(done, made.rows)
+                progress(done, total)
         image.finish()
         kept.finish()
         with shielded():  # all or none
-            write_text(text, made.description, overwrite=overwrite)
+            write_text(text, description, overwrite=overwrite)
             kept.publish()
             image.publish()
-    return made
+    length = geometry.length / geometry.pixels / 1000.0
+    return Exposed(total, geometry.columns, length, plan.source.traces, target, description, truth)
+
+
+def _description_of(plan: FilmPlan) -> FilmDescription:
+    """What the observer knows: the camera as it is meant to be, and the instrument as the record states it."""
+    source, film, layout, known = plan.source, plan.film, plan.layout, plan.source.instrument
+    traces = []
+    for name, weights, lever, place in zip(
+        source.traces, source.combination, layout.lever, layout.position, strict=True
+    ):
+        own = {label: float(weight) for label, weight in zip(source.pendulums, weights, strict=True) if weight}
+        traces.append({"name": name, "combination": own, "lever": float(lever), "position": float(place)})
+    labels = [str(each) for each in known.get("pendulum", source.pendulums)]
+    stated = [name for name in DescribedPendulum.model_fields if name in known]
+    own_labels = [(k, label) for k, label in enumerate(labels) if label in source.pendulums]
+    pendulums = [{"label": label, **{name: float(known[name][k]) for name in stated}} for k, label in own_labels]
+    stated = [name for name in DescribedInstrument.model_fields if name in known]
+    bases = []
+    for k, base in enumerate(known.get(BASE, ())):
+        values = {key: float(known[name][k]) for name, key in BASES.items() if name in known}
+        rows = {key: known[name][k] for name, key in PERIODS.items() if name in known}
+        periods = {key: {label: float(row[at]) for at, label in own_labels} for key, row in rows.items()}
+        bases.append({"label": str(base), **values, **periods})
+    return FilmDescription.model_validate(
+        {
+            "record_id": source.record_id, "title": source.title, "start_time": source.start_time,
+            "speed": film.speed, "dpi": film.dpi, "mark_interval": film.mark_interval, "gap": film.gap,
+            "minute_code": film.minute_code, "restoring": source.restoring, "traces": traces, "pendulums": pendulums,
+            "instrument": {name: float(known[name]) for name in stated if np.ndim(known[name]) == 0}, "bases": bases,
+            "readings": source.readings,
+        }
+    )  # fmt: skip
+
+
+def _truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
+    """Lay out the truth of some rows of a film, given the times of their centre lines at the left edge, (rows,) s."""
+    source, layout, marks = plan.source, plan.layout, plan.marks
+    attrs = {
+        "Conventions": CONVENTIONS, "schema": LAYOUTS["film-truth"].schema, "schema_version": VERSION,
+        "record_id": source.record_id, "title": source.title, "history": f"exposed with seed {plan.seed}",
+        "source": "model", "film": plan.film.model_dump_json(), "seed": plan.seed,
+        **({} if source.scene is None else {"scene": source.scene.model_dump_json()}),
+    }  # fmt: skip
+    clock = attributes("time") | {"units": f"seconds since {source.start_time}"}
+    labels = {"trace": label_array(source.traces)}
+    places = {"optical_lever": layout.lever, "position": layout.position, "offset": layout.offset}
+    rows = plan.geometry.row_at_left(plan.transport.travel(marks.time))
+    flags = {"minute": marks.minute, "missing": marks.missing, "spurious": marks.spurious}
+    marked = {"mark_time": marks.time, "mark_row": rows, **flags}
+    marks_group = described("marks", {name: (("mark",), value) for name, value in marked.items()}, {})
+
+    def lay_out(time: Floats, crossings: Crossings) -> Contents:
+        slices = crossings._asdict()
+        slices = {"exposure_time": slices.pop("time"), **slices}
+        variables: dict[str, Any] = {name: (("trace",), value) for name, value in places.items()}
+        variables |= {name: (("trace", "time"), value) for name, value in slices.items()}
+        return {
+            "": Group(dict(attrs), {"time": Entry(("time",), time, clock)}),
+            "slices": described("slices", variables, labels),
+            "marks": marks_group,
+        }
+
+    return lay_out
+
+
+@contextlib.contextmanager
+def _write_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """`OSError` becomes `FileError` with the file's name and the remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
+
+
+class ImageFile:
+    """A BigTIFF of known size whose rows come in any order; a context that leaves nothing behind without `publish`.
+
+    The file's folder must exist. `FileError` as `data_schemas.write`, from any method; `UsageError` where the package
+    tifffile is not there.
+    """
+
+    _file: IO[bytes] | None = None
+    _begin = 0
+
+    def __init__(
+        self, path: str | os.PathLike[str], rows: int, columns: int, bits: int, dpi: float, *, overwrite: bool = False
+    ) -> None:
+        self._path, self._overwrite = path, overwrite
+        self._shape, self._bits, self._dpi = (rows, columns), bits, dpi
+        self._target = place_of(path)
+        self._temporary = beside(self._target)
+
+    def __enter__(self) -> Self:
+        try:
+            tifffile: Any = import_module("tifffile")
+        except ImportError:
+            raise UsageError(
+                "films need the package tifffile; install it with: pip install 'isochrony[film]'"
+            ) from None
+        with _write_errors(self._path):
+            may_write(self._target, self._path, self._overwrite)
+            with tifffile.TiffWriter(self._temporary, bigtiff=True, byteorder="<") as made:
+                self._begin, _ = made.write(
+                    shape=self._shape, dtype=f"uint{self._bits}", rowsperstrip=STRIP, photometric="minisblack",
+                    resolution=(self._dpi, self._dpi), resolutionunit="INCH", software="isochrony", metadata=None,
+                    returnoffset=True,
+                )  # fmt: skip
+            self._file = open(self._temporary, "r+b")  # closed at the end of the block
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with contextlib.suppress(OSError):
+            if self._file is not None:
+                self._file.close()
+        with contextlib.suppress(OSError):  # renamed already, or never made
+            self._temporary.unlink()
+
+    def write(self, first: int, pixels: NDArray[Any]) -> None:
+        """Write rows from number `first` on."""
+        assert self._file is not None
+        with _write_errors(self._path):
+            self._file.seek(self._begin + first * self._shape[1] * self._bits // 8)
+            self._file.write(np.ascontiguousarray(pixels, dtype=f"<u{self._bits // 8}").data)
+
+    def finish(self) -> None:
+        """Bring the file to the disk, so that `publish` only gives it its name."""
+        assert self._file is not None
+        with _write_errors(self._path):
+            self._file.flush()
+            os.fsync(self._file.fileno())
+            self._file.close()
+
+    def publish(self) -> None:
+        """Give the finished file its name, in one step."""
+        with _write_errors(self._path):
+            give_name(self._temporary, self._target, self._path, self._overwrite)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,17 +101,15 @@ def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
     return Geometry(max(rows, 1), max(columns, 1), row, column, turn, corner, length, width, pixels)
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Place of each trace."""
+class Layout(NamedTuple):
+    """Place of each trace, (traces,): across at rest, mm; later along the film, mm; mm/rad."""
 
     position: Floats
     offset: Floats
-    lever: Floats  # (traces,) across at rest, mm; later along the film, mm; mm/rad
+    lever: Floats
 
 
-@dataclass(frozen=True)
-class FilmPlan:
+class FilmPlan(NamedTuple):
     """What is exposed, on what, where and when."""
 
     source: Source
@@ -141,20 +140,16 @@ def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
 
 def _lay_out(source: Source, film: Film) -> Layout:
     """Place the traces as the film says, or evenly."""
-    named = {each.name: each for each in film.traces}
-    for name in named:
-        if name not in source.traces:
-            raise UsageError(f"film.traces names {name!r}; the record has {', '.join(source.traces)}")
     count = len(source.traces)
-    position = film.paper_width * (np.arange(count) + 0.5) / count
-    offset, lever = np.zeros(count), np.full(count, film.lever)
-    for k, name in enumerate(source.traces):
-        own = named.get(name)
-        if own is not None:
-            offset[k] = own.offset
-            lever[k] = own.lever if own.lever is not None else film.lever
-            position[k] = own.position if own.position is not None else position[k]
-    return Layout(position, offset, lever)
+    layout = Layout(film.paper_width * (np.arange(count) + 0.5) / count, np.zeros(count), np.full(count, film.lever))
+    for own in film.traces:
+        if own.name not in source.traces:
+            raise UsageError(f"film.traces names {own.name!r}; the record has {', '.join(source.traces)}")
+        for name in Layout._fields:
+            value = getattr(own, name)
+            if value is not None:
+                getattr(layout, name)[source.traces.index(own.name)] = value
+    return layout
 
 
 def _refuse_overhang(source: Source, film: Film, layout: Layout) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,14 +16,13 @@ _KNOTS = 8  # of the random error of the speed, in its correlation time
 _MOST = 4.0  # sigmas: a wilder error is cut off, so that the film never stands
 
 
-@dataclass(frozen=True)
-class Marks:
-    """Every gap of the shutter, and those that were left out, in order of time."""
+class Marks(NamedTuple):
+    """Every gap of the shutter, and those that were left out, in order of time, (marks,)."""
 
-    time: Floats  # (marks,) their middle, s
-    minute: NDArray[np.uint8]
-    missing: NDArray[np.uint8]
-    spurious: NDArray[np.uint8]  # (marks,) second gap of a full minute; left out; no mark at all
+    time: Floats  # of their middle, s
+    minute: NDArray[np.uint8]  # 1: second gap of a full minute
+    missing: NDArray[np.uint8]  # 1: left out
+    spurious: NDArray[np.uint8]  # 1: no mark at all
 
 
 class Light(NamedTuple):
@@ -53,12 +51,10 @@ def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
     second = mark[full] + film.minute_code
     false = generator(seed, "film spurious marks").uniform(begin, end, film.spurious_marks)
     time = np.concatenate([mark, second, false])
-    sizes = mark.size, second.size, false.size
-    minute = np.repeat(np.array([0, 1, 0], np.uint8), sizes)
-    spurious = np.repeat(np.array([0, 0, 1], np.uint8), sizes)
-    missing = np.concatenate([absent, absent[full], np.zeros(false.size, bool)]).astype(np.uint8)
+    kind = np.repeat([0, 1, 2], [mark.size, second.size, false.size])
+    missing = np.concatenate([absent, absent[full], np.zeros(false.size, bool)])
     order = np.argsort(time, kind="stable")
-    return Marks(time[order], minute[order], missing[order], spurious[order])
+    return Marks(time[order], *(each[order].astype(np.uint8) for each in (kind == 1, missing, kind == 2)))
 
 
 def light_of(film: Film, marks: Marks, begin: float, end: float, dark: Floats) -> Light:

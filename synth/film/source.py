@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.contents import Contents, from_tree
+from data_schemas.contents import Contents, Group, from_tree
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Recording
@@ -19,11 +19,8 @@ from synth.phase import Floats
 if TYPE_CHECKING:
     import xarray as xr
 
-
 RATE = 100  # Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s
-
 FEWEST = 8  # Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5
-
 _BETWEEN = 60.0  # s between two readings of the thermometers
 BLOCK = 1 << 16  # samples of one set of splines
 _BESIDE = 64  # samples beyond a block that its splines see: what lies further away counts 0.43^64 = 1e-23
@@ -71,19 +68,17 @@ def source_of(given: xr.DataTree | Scene) -> Source:
     `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve. `SceneError` as
     `synth.simulate`.
     """
-    return _of_scene(given) if isinstance(given, Scene) else _of_record(from_tree(given))
-
-
-def _of_scene(scene: Scene) -> Source:
+    if not isinstance(given, Scene):
+        return _of_record(from_tree(given))
     from synth.recording.clock import set_clock
     from synth.recording.observe import stated
     from synth.streaming import stream
 
     bare = Recording(
-        traces=scene.traces, sampling_rate=Fraction(RATE), chronometer_rate=scene.recording.chronometer_rate,
-        write_damping=scene.recording.write_damping, write_restoring=scene.recording.write_restoring,
+        traces=given.traces, sampling_rate=Fraction(RATE), chronometer_rate=given.recording.chronometer_rate,
+        write_damping=given.recording.write_damping, write_restoring=given.recording.write_restoring,
     )  # fmt: skip
-    perfect = Scene.model_validate(dict(scene) | {"recording": bare})
+    perfect = Scene.model_validate(dict(given) | {"recording": bare})
     clock = set_clock(perfect)
     known: dict[str, Any] = {}
     pieces = []
@@ -96,7 +91,7 @@ def _of_scene(scene: Scene) -> Source:
     changing = {name: value for name, (dims, value) in conditions if "time" in dims}
     return Source(
         **known, readings=_readings(read, changing), longest=1.0, time=time,
-        elongation=np.concatenate(pieces, axis=1), scene=scene,
+        elongation=np.concatenate(pieces, axis=1), scene=given,
     )  # fmt: skip
 
 
@@ -132,7 +127,7 @@ def _readings(time: Floats, changing: dict[str, Any]) -> list[dict[str, float]]:
 
 def _known(record: Contents) -> dict[str, Any]:
     attrs, variables = record[""].attrs, record["record"].variables
-    instrument = record.get("instrument")
+    instrument = record.get("instrument", Group({}, {}))
     units = str(record[""].variables["time"].attrs.get("units", ""))
     return {
         "record_id": str(attrs["record_id"]),
@@ -141,8 +136,8 @@ def _known(record: Contents) -> dict[str, Any]:
         "traces": tuple(str(each) for each in variables["trace"].values),
         "pendulums": tuple(str(each) for each in variables["pendulum"].values),
         "combination": variables["combination"].values,
-        "instrument": {} if instrument is None else {name: one.values for name, one in instrument.variables.items()},
-        "restoring": str(instrument.attrs.get("restoring", "sine")) if instrument is not None else "sine",
+        "instrument": {name: one.values for name, one in instrument.variables.items()},
+        "restoring": str(instrument.attrs.get("restoring", "sine")),
     }
 
 
@@ -162,14 +157,8 @@ def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Float
 
 
 class Curves:
-    """The elongation of every trace at any time: splines of degree 5 through unbroken runs of samples, straight lines
-    between runs.
-
-    Parameters
-    ----------
-    source
-    beyond : float
-        How far beyond a run of samples its curve is wanted, s.
+    """The elongation of every trace at any time: splines of degree 5 through unbroken runs of samples, continued beyond
+    their ends by so many seconds; straight lines between runs.
     """
 
     def __init__(self, source: Source, beyond: float) -> None:
@@ -180,11 +169,8 @@ class Curves:
     def at(self, times: Floats) -> tuple[Floats, Floats]:
         """Elongation and its rate, (traces, times) rad and rad/s, at increasing times."""
         owner = np.searchsorted(self._starts, times, side="right")
-        found = [
-            np.array([curve(times[owner == block]) for curve in self._block(block)])
-            for block in np.unique(owner).tolist()
-        ]
-        value, rate = np.concatenate(found, axis=2).swapaxes(0, 1)
+        parts = [[curve(times[owner == block]) for curve in self._block(block)] for block in np.unique(owner).tolist()]
+        value, rate = np.concatenate([np.array(part) for part in parts], axis=2).swapaxes(0, 1)
         return value, rate
 
     def _splines(self, block: int) -> list[Callable[[Floats], tuple[Floats, Floats]]]:
@@ -202,9 +188,9 @@ class Curves:
         splines = [make_interp_spline(time[run], values[run], k=min(_DEGREE, run.size - 1)) for run in runs]
 
         def at(times: Floats) -> tuple[Floats, Floats]:
-            if not good.size:
-                return np.zeros(times.size), np.zeros(times.size)
-            value, rate = np.interp(times, time[good], values[good]), np.zeros(times.size)
+            value, rate = np.zeros((2, times.size))
+            if good.size:
+                value = np.interp(times, time[good], values[good])
             for run, spline in zip(runs, splines, strict=True):
                 ends = time[run[0]] - self._beyond, time[run[-1]] + self._beyond
                 here = slice(*np.searchsorted(times, ends))

@@ -13,7 +13,7 @@ from synth.huygens.locking import chi_of_daily, daily_of_chi, edge, edge_of_bala
 from synth.huygens.orbit import Orbit, orbits
 from synth.huygens.paper import corrected, printed
 from synth.huygens.slow_flow import stability
-from synth.systems.symmetry import symmetric
+from synth.systems.starts import symmetric
 
 __all__ = [
     "Clocks", "Orbit", "Regime", "chi_of_daily", "corrected", "daily_of_chi", "edge", "edge_of_balance", "of_beam",

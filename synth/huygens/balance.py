@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.huygens.clocks import Clocks, checked
+from synth.huygens.clocks import Clocks, checked, jacobian
 from synth.huygens.real_roots import Conic, rational, real_roots, resultant
 from synth.phase import Floats
 
@@ -32,7 +32,6 @@ _LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle
 _ALIKE = 1e-9  # solutions nearer than this share of their size are one
 _SETTLED, _ROUNDED = 1e-13, 1e-7  # of a step: small enough; small enough if it no longer shrinks
 _LEAST = 1e-300
-_STEP = 1e-30
 
 
 class Regime(NamedTuple):
@@ -81,16 +80,14 @@ def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats
     stretch = math.sqrt(1.0 + regime.beta)
     delta, delta0 = clocks.drive * stretch, clocks.beam_damping * stretch
     less, arc = (0.125 * delta * delta, 0.5 * clocks.swing**2) if shifts else (0.0, 0.0)
-    left = []
-    for angle, size, tau in zip(regime.alpha, regime.amplitude, clocks.detuning, strict=True):
-        share = 0.25 * size * size
-        own, loss = (1.0 + regime.beta) * (1.0 + tau) - 1.0 - less - arc * share, delta * (1.0 - share)
-        left.append((own - regime.q) * math.cos(angle) - loss * math.sin(angle))
-        left.append((own + regime.q) * math.sin(angle) + loss * math.cos(angle))
-    cosines = sum(a * a * math.cos(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
-    sines = sum(a * a * math.sin(2.0 * x) for a, x in zip(regime.amplitude, regime.alpha, strict=True))
-    feed = clocks.coupling / 8.0
-    return np.array([*left, -regime.beta * regime.q + feed * cosines, delta0 * regime.q + feed * sines])
+    angle, square = np.array(regime.alpha), np.array(regime.amplitude) ** 2
+    share, feed = 0.25 * square, clocks.coupling / 8.0
+    own = (1.0 + regime.beta) * (1.0 + np.array(clocks.detuning)) - 1.0 - less - arc * share
+    loss = delta * (1.0 - share)
+    real = (own - regime.q) * np.cos(angle) - loss * np.sin(angle)
+    imaginary = (own + regime.q) * np.sin(angle) + loss * np.cos(angle)
+    swing = feed * np.sum(square * np.exp(2j * angle)) + (delta0 * 1j - regime.beta) * regime.q
+    return np.array([*np.stack([real, imaginary], axis=1).ravel(), swing.real, swing.imag])
 
 
 def followed(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Regime | None:
@@ -132,7 +129,7 @@ class _Equations:
         return max(low, Fraction(-1)), high
 
     def conics(self, beta: Any) -> list[Conic]:
-        """E_1^2 + delta^2 g_1^2 - s, the same of the second, beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
+        """The first two equations less s, and beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
         feed, arc, half, none = (rational(each) for each in (self._feed, self._arc, self._coupling / 2, Fraction(0)))
         one, two = ((1 + beta) * rational(tuning) - 1 - arc for tuning in self._tuning)
         square = arc**2 + rational(self._drive) ** 2 * (1 + beta)
@@ -155,10 +152,6 @@ class _Equations:
         return np.array(
             [(e1 * e1 + loss * first**2 - s) / scale, (e2 * e2 + loss * second**2 - s) / scale, third / half]
         )
-
-    def _slopes(self, point: Floats) -> Floats:
-        """Jacobian of `_values`, by steps into the complex plane that are too short to err."""
-        return np.stack([self._values(each).imag / _STEP for each in point + 1j * _STEP * np.eye(3)], axis=1)
 
     def _detunings(self, beta: Any) -> tuple[Any, Any, float, Any]:
         """D_1, D_2, arc and delta^2."""
@@ -193,7 +186,7 @@ class _Equations:
         before = math.inf
         with np.errstate(all="ignore"):
             for _ in range(40):
-                matrix = self._slopes(place)
+                matrix = jacobian(self._values, place)
                 if not np.isfinite(matrix).all():
                     return None
                 size = np.abs(matrix).max(axis=0)
@@ -222,8 +215,7 @@ class _Equations:
         if q < 1e-9 * math.sqrt(float(self._feed)):
             return None  # the beam at rest: `quadrature`
         angles = [_folded(0.5 * math.atan2(each.imag, each.real)) for each in phasors]
-        sizes = [2.0 * math.sqrt(1.0 - each) for each in g]
-        regime = Regime(beta, q, (angles[0], angles[1]), (sizes[0], sizes[1]))
+        regime = Regime(beta, q, (angles[0], angles[1]), (2.0 * math.sqrt(1.0 - g[0]), 2.0 * math.sqrt(1.0 - g[1])))
         left = np.abs(residuals(regime, self._clocks, shifts=self._shifts)).max()
         return regime if left < 1e-9 * max(q, self._clocks.coupling) else None
 

@@ -8,6 +8,7 @@ clocks do must begin beside it (`perturbed`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +18,11 @@ from synth.phase import Floats
 from synth.seeds import generator
 from synth.systems.reduced_beam import ReducedBeam, reduced
 from synth.systems.resistance import VanDerPolDrive
-from synth.systems.symmetry import symmetric
+from synth.systems.starts import symmetric
 from synth.systems.yielding import ElasticBeam
 
 LIKELY = 1e-6  # Share of the swing by which a start is moved: far above rounding, far below any reading
+_STEP = 1e-30
 
 
 class Clocks(NamedTuple):
@@ -118,3 +120,15 @@ def perturbed(system: Any, state: Floats, seed: int, share: float = LIKELY) -> F
         raise UsageError("both clocks are at rest, and van der Pol's drive cannot start them; give one a swing")
     last += share * size * generator(seed, "off the symmetric set").uniform(0.5, 1.0, size=last.size)
     return moved
+
+
+def jacobian(function: Callable[[Any], Any], point: Floats) -> Floats:
+    """Of an analytic function (n,) -> (m,), (m, n): steps into the complex plane are too short to err."""
+    moved = point + 1j * _STEP * np.eye(point.size)
+    return np.stack([function(each).imag / _STEP for each in moved], axis=1)
+
+
+def eigenvalues_beside(matrix: Floats, neutral: Floats) -> list[complex]:
+    """Of a linear map, less the one that belongs to the direction which it keeps."""
+    others = np.linalg.qr(np.column_stack([neutral, np.eye(neutral.size)]))[0][:, 1:]
+    return [complex(each) for each in np.linalg.eigvals(others.T @ matrix @ others)]

@@ -5,8 +5,8 @@ After half a swing of the clocks the beam is where it was and the clocks are on 
 anchored where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole
 swing, their squares.
 
-A motion is carried by the Runge-Kutta formula of order 8; tangents are central differences of three steps between such
-motions, right to 1e-12.
+Motions are integrated by the Runge-Kutta formula of order 8; tangents are central differences of three steps between
+them, right to 1e-12.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
-from synth.huygens.clocks import Clocks, mirrored
+from synth.huygens.clocks import Clocks, eigenvalues_beside, mirrored
 from synth.integrators.explicit_step import INSIDE, NODES
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
@@ -42,27 +42,23 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
 
     The duration of the whole way is in its unit of time; steps are even.
     """
-    apart = _APART * float(np.abs(start).max())
-    states = _flow(system, start, duration, steps)
-    columns = []
-    for unit in np.eye(start.size):
-        column = np.zeros(start.size)
-        for k, share in enumerate(_SHARES, start=1):
-            ends = [_flow(system, start + sign * k * apart * unit, duration, steps)[-1] for sign in (1.0, -1.0)]
-            column += share * (ends[0] - ends[1]) / (2 * k * apart)
-        columns.append(column)
-    return states, np.array(columns).T
 
+    def flow(begin: Floats) -> Floats:
+        states = np.empty((steps + 1, start.size))
+        states[0] = begin
+        _integrate(system, states, duration / steps, _NODES, _WEIGHTS)
+        return states
 
-def _flow(system: Any, start: Floats, duration: float, steps: int) -> Floats:
-    states = np.empty((steps + 1, start.size))
-    states[0] = start
-    _march(system, states, duration / steps, _NODES, _WEIGHTS)
-    return states
+    apart = _APART * float(np.abs(start).max()) * np.eye(start.size)
+    tangents = np.zeros_like(apart)
+    for k, share in enumerate(_SHARES, start=1):
+        above, below = (np.array([flow(start + sign * k * unit)[-1] for unit in apart]) for sign in (1.0, -1.0))
+        tangents += share * (above - below).T / (2 * k * apart[0, 0])
+    return flow(start), tangents
 
 
 @kernel
-def _march(system: Any, states: Floats, step: float, nodes: Floats, weights: Floats) -> None:
+def _integrate(system: Any, states: Floats, step: float, nodes: Floats, weights: Floats) -> None:
     """Fill `states` (steps + 1, n) from the first on."""
     size = states.shape[1]
     slopes, place = np.empty((nodes.size, size)), np.empty(size)
@@ -130,8 +126,11 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
     states, tangents = carried(system, state, half, steps)
     coarse, rough = carried(system, state, half, steps // 2)
     apart = float(np.abs((coarse[-1] - states[-1]) / units).max() + np.abs(rough - tangents).max())
-    regime, multipliers = _harmonics(states[:-1] / units, half), _multipliers(tangents, system, state)
-    return Orbit(state, half, residual, apart / (2.0**_ORDER - 1.0), regime, multipliers)
+    rate = np.empty(state.size)
+    derivative(0.0, state, system, rate)  # along the orbit, where the multiplier is 1
+    multipliers = sorted(eigenvalues_beside(mirrored(tangents.T).T, rate), key=lambda each: -abs(each))
+    regime = _harmonics(states[:-1] / units, half)
+    return Orbit(state, half, residual, apart / (2.0**_ORDER - 1.0), regime, tuple(multipliers))
 
 
 def start_of(regime: Regime) -> Floats:
@@ -170,15 +169,6 @@ def _shot(system: Any, guess: Floats, half: float, steps: int) -> tuple[Floats, 
     raise RefusedError(
         "no periodic orbit near this regime: shooting does not settle; begin from a regime of these clocks"
     )
-
-
-def _multipliers(tangents: Floats, system: Any, state: Floats) -> tuple[complex, ...]:
-    """Of all perturbations but the one along the orbit, whose multiplier is 1."""
-    rate = np.empty(state.size)
-    derivative(0.0, state, system, rate)
-    others = np.linalg.qr(np.column_stack([rate, np.eye(state.size)]))[0][:, 1:]
-    found = np.linalg.eigvals(others.T @ mirrored(tangents.T).T @ others)
-    return tuple(sorted((complex(each) for each in found), key=lambda each: -abs(each)))
 
 
 def _harmonics(states: Floats, half: float) -> Regime:

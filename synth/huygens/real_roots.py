@@ -45,10 +45,9 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
     digits = ctx.prec
     try:
         while True:
-            balls = [_ball(root.real) for root, _ in polynomial.complex_roots() if root.imag == 0]
-            inside = [
-                (middle, radius) for middle, radius in balls if low <= middle + radius and middle - radius <= high
-            ]
+            real = [root.real for root, _ in polynomial.complex_roots() if root.imag == 0]
+            balls = [(_fraction(each.mid()), _fraction(each.rad())) for each in real]
+            inside = [each for each in balls if low <= sum(each) and each[0] - each[1] <= high]
             if all(2 * radius <= width for _, radius in inside):
                 return sorted(middle for middle, _ in inside)
             ctx.prec *= 2
@@ -56,11 +55,9 @@ def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width:
         ctx.prec = digits
 
 
-def _ball(real: Any) -> tuple[Fraction, Fraction]:
-    """Middle and radius of a ball of real numbers."""
-    parts = (each.man_exp() for each in (real.mid(), real.rad()))
-    middle, radius = (Fraction(int(mantissa)) * Fraction(2) ** int(exponent) for mantissa, exponent in parts)
-    return middle, radius
+def _fraction(number: Any) -> Fraction:
+    mantissa, exponent = number.man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
 
 
 def rational(value: Fraction) -> Any:
@@ -77,21 +74,20 @@ def resultant(conics: Callable[[Any], Sequence[Conic]]) -> list[Fraction]:
     from flint import Ordering, fmpq_mpoly_ctx
 
     ring = fmpq_mpoly_ctx.get(["x", "y", "z", "unknown"], Ordering.lex)
-    *axes, unknown = ring.gens()
+    terms = [ring.from_dict({(*term, 0): 1}) for term in _TERMS]
     forms = []
-    for conic in conics(unknown):
+    for conic in conics(ring.gens()[3]):
         numbers = [rational(each) if isinstance(each, Fraction) else each for each in conic]
-        forms.append(sum(ring.from_dict({(*term, 0): 1}) * each for term, each in zip(_TERMS, numbers, strict=True)))
-    jacobian = _determinant([[form.derivative(axis) for axis in range(len(axes))] for form in forms])
-    forms += [jacobian.derivative(axis) for axis in range(len(axes))]
+        forms.append(sum(term * each for term, each in zip(terms, numbers, strict=True)))
+    jacobian = _determinant([[form.derivative(axis) for axis in range(3)] for form in forms])
+    forms += [jacobian.derivative(axis) for axis in range(3)]
     rows = [
         [ring.from_dict({key: value for key, value in form.to_dict().items() if key[:3] == term}) for term in _TERMS]
         for form in forms
     ]
     # every product of the expansion holds each term once: together x^4 y^4 z^4
-    found = {key[3]: value for key, value in _determinant(rows).to_dict().items()}
-    values = [found.get(power, 0) for power in range(max(found, default=0) + 1)]
-    return [Fraction(int(each.p), int(each.q)) if each else Fraction(0) for each in values]
+    by_power = {key[3]: Fraction(int(value.p), int(value.q)) for key, value in _determinant(rows).to_dict().items()}
+    return [by_power.get(power, Fraction(0)) for power in range(max(by_power, default=0) + 1)]
 
 
 def _determinant(rows: list[list[Any]]) -> Any:

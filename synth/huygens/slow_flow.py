@@ -17,10 +17,8 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from synth.huygens.balance import Regime
-from synth.huygens.clocks import Clocks
+from synth.huygens.clocks import Clocks, eigenvalues_beside, jacobian
 from synth.phase import Floats
-
-_STEP = 1e-30
 
 
 def rates(state: Any, beta: float, clocks: Clocks) -> Any:
@@ -43,8 +41,8 @@ def rates(state: Any, beta: float, clocks: Clocks) -> Any:
 
 
 def slopes(state: Floats, beta: float, clocks: Clocks) -> Floats:
-    """Jacobian of `rates` by the state, (6, 6); steps into the complex plane are too short to err."""
-    return np.stack([rates(each, beta, clocks).imag / _STEP for each in state + 1j * _STEP * np.eye(6)], axis=1)
+    """Jacobian of `rates` by the state, (6, 6)."""
+    return jacobian(lambda point: rates(point, beta, clocks), state)
 
 
 class Stability(NamedTuple):
@@ -74,10 +72,9 @@ def stability(regime: Regime, clocks: Clocks) -> Stability:
         raise UsageError(
             "the regime is no fixed point of these clocks' slow flow; find it by solutions(..., shifts=True)"
         )
-    common = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [-2.0 * regime.q]])  # alpha + c, Q e^{-2ic}
-    others = np.linalg.qr(np.hstack([common, np.eye(6)]))[0][:, 1:]
-    found = np.linalg.eigvals(others.T @ slopes(state, regime.beta, clocks) @ others)
-    ordered = sorted((complex(each) for each in found), key=lambda each: -each.real)
+    common = np.array([1.0, 1.0, 0.0, 0.0, 0.0, -2.0 * regime.q])  # alpha + c, Q e^{-2ic}
+    exponents = eigenvalues_beside(slopes(state, regime.beta, clocks), common)
+    ordered = sorted(exponents, key=lambda each: -each.real)
     growth = ordered[0].real
     rounding = 1e-12 * max(abs(each) for each in ordered)
     return Stability(growth, tuple(ordered), None if abs(growth) <= rounding else growth < 0.0)

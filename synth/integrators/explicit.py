@@ -10,7 +10,8 @@ itself is the error.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -78,31 +79,21 @@ def integrate(
     made = refine(system, event, first, instants, tolerance)
     if event is not None:
         _check_decided(made, event)
-    every = made.runs if made.probe is None else [*made.runs, made.probe.run]
-    steps, rejected, evaluations = np.sum([each.counts for each in every], axis=0).tolist()
+    steps, rejected, evaluations = np.sum([each.counts for each in made.runs + made.probes], axis=0).tolist()
     return Trajectory(instants, made.runs[-1].at(instants), made.estimated_error, steps, evaluations, rejected)
 
 
-class Probe(NamedTuple):
-    """A run repeated with noise."""
-
-    run: Run
-    moved: float  # by how much, relative
-    noise: float
-
-
 class Refinement(NamedTuple):
-    """All runs for one trajectory, with the error of the last."""
+    """All runs for one trajectory, with the error of the result."""
 
     runs: list[Run]  # from the loosest to the last, which is the result
-    probe: Probe | None
-    truncation: float  # estimated error of the last run that smaller steps would remove,
+    probes: list[Run]  # runs with noise
+    truncation: float  # estimated error of the result that smaller steps would remove,
     rounding: float  # and that which they would not
-    linear: bool  # whether the last two runs are near each other
 
     @property
     def estimated_error(self) -> float:
-        """Of the last run, relative, see `synth.integrators.trajectory`."""
+        """Of the result, relative, see `synth.integrators.trajectory`."""
         return self.truncation + self.rounding
 
 
@@ -112,30 +103,49 @@ def refine(system: Any, event: Escapement | None, start: Floats, times: Floats, 
     loose = min(max(_RATIO * tolerance / _USUAL, _RATIO * TIGHTEST), _ROUGHEST)
     few = instants(times[0], times[-1])
     times = np.union1d(times, few)
+    local = max(loose / _RATIO, TIGHTEST)
     try:
-        scout = run(few, _SCOUT * loose, _PATIENT)
-        rough = run(few, loose, _PATIENT)
+        runs = [run(few, _SCOUT * loose, _PATIENT), run(few, loose, _PATIENT)]
     except StiffError:  # a loose run may be at the edge of stability where a tight one is not
-        local = max(loose / _RATIO, TIGHTEST)
         fine = run(times, local)
         runs = [run(few, loose, MOST_STEPS), fine]
     else:
-        apart = _apart(scout, rough, few)
-        wanted = _AIM * tolerance * scout.tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else loose / _RATIO
-        local = min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)
-        runs = [scout, rough, run(times, local)]
-    made = _judged(runs, _probe(run, runs, few, tolerance), few)
-    while made.truncation > _AIM * tolerance and made.estimated_error > tolerance and local > TIGHTEST:
-        factor = min(0.1, _AIM * tolerance / made.truncation) if made.linear else _FURTHER
-        local = max(TIGHTEST, local * factor)
-        runs = [*runs, run(times, local)]
-        made = _judged(runs, made.probe if made.linear else _probe(run, runs, few, tolerance), few)
-    if not made.linear:
+        apart = _apart(runs[0], runs[-1], few)
+        wanted = _AIM * tolerance * runs[0].tolerance / (_CAUTION * apart) if 0.0 < apart < _LINEAR else local
+        runs.append(run(times, min(max(wanted, TIGHTEST), 0.1 * loose, LOOSEST)))
+    probes: list[Run] = []
+    rounding, linear = math.nan, False
+    while True:
+        rough, fine = runs[-2:]
+        apart = _apart(rough, fine, few)
+        if not linear:
+            # rounding matters where a motion that makes this of its tolerance may make too much of it
+            made = _INNOCENT * _ROUNDING * max(1.0, apart / rough.tolerance)
+            visible = apart <= _LINEAR and made >= _VISIBLE * tolerance
+            probes, rounding = _shaken(run, rough, few, _NOISES) if visible else ([], 0.0)
+        linear = apart < _LINEAR
+        truncation = _CAUTION * apart * _gain(rough, fine) if linear else apart
+        error = truncation + rounding + 2.0 * _ROUNDING
+        if truncation <= _AIM * tolerance or error <= tolerance or fine.tolerance <= TIGHTEST:
+            break
+        factor = min(0.1, _AIM * tolerance / truncation) if linear else _FURTHER
+        runs.append(run(times, max(TIGHTEST, fine.tolerance * factor)))
+    if not linear:
         # with noise and with its opposite: where the top of a swing decides, one of them falls elsewhere, while runs
         # that differ in their steps only may all fall to the same side by chance
-        probes = [_noisy(run, runs[-1], few, noise) for noise in (_SHAKE, -_SHAKE)]
-        made = _judged(runs, max(probes, key=lambda probe: probe.moved), few)
-    return made._replace(rounding=made.rounding + _clock_rounding(system, runs[-1], few))
+        (up, most), (down, least) = (_shaken(run, fine, few, (noise,)) for noise in (_SHAKE, -_SHAKE))
+        probes, rounding = up + down, max(most, least)
+    return Refinement(runs, probes, truncation, rounding + 2.0 * _ROUNDING + _clock_rounding(system, fine, few))
+
+
+def _shaken(run: Callable[..., Run], quiet: Run, few: Floats, noises: Sequence[float]) -> tuple[list[Run], float]:
+    """A run repeated with as much noise as it bears, and what it makes of rounding."""
+    for noise in noises:
+        noisy = run(few, quiet.tolerance, MOST_STEPS, noise)
+        moved = _apart(noisy, quiet, few)
+        if moved < _LINEAR:
+            return [noisy], _LUCK * moved * _ROUNDING / abs(noise)
+    return [noisy], moved
 
 
 def _check_decided(made: Refinement, event: Escapement) -> None:
@@ -174,54 +184,24 @@ def _clock_rounding(system: Any, fine: Run, few: Floats) -> float:
     change = np.zeros(states.shape[1])
     _change(system, few, states, moment, change)
     rounded = 0.5 * _ROUNDING * float(np.max(np.abs(few)))
-    return _LUCK * rounded * span / np.sqrt(steps) * relative_error(change[None, :], fine.scale)
+    rate = np.sqrt(change)[None, :] / moment
+    return _LUCK * rounded * span / math.sqrt(steps) * relative_error(rate, fine.scale)
 
 
 @kernel
 def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floats) -> None:
-    """Root mean square by which the derivative at a given state changes with time alone, a second."""
+    """Mean square by which the derivative at a given state changes with time alone in a moment, (n,)."""
     here, aside = np.empty_like(out), np.empty_like(out)
     for k in range(times.size):
         derivative(times[k], states[k], system, here)
         derivative(times[k] + moment, states[k], system, aside)
         for i in range(out.size):
-            out[i] += (aside[i] - here[i]) ** 2
-    for i in range(out.size):
-        out[i] = np.sqrt(out[i] / times.size) / moment
+            out[i] += (aside[i] - here[i]) ** 2 / times.size
 
 
 def instants(begin: float, end: float) -> Floats:
     """Where runs are compared, whatever the outputs are."""
     return np.unique(np.concatenate([begin + (end - begin) * spread(_COMPARED), [end]]))
-
-
-def _probe(run: Callable[..., Run], runs: list[Run], few: Floats, tolerance: float) -> Probe | None:
-    """The looser of the last two runs with noise, or None where rounding cannot matter or nothing can be learnt."""
-    rough, fine = runs[-2:]
-    apart = _apart(rough, fine, few)
-    if apart > _LINEAR or _INNOCENT * _ROUNDING * max(1.0, apart / rough.tolerance) < _VISIBLE * tolerance:
-        return None
-    for noise in _NOISES:
-        probe = _noisy(run, rough, few, noise)
-        if probe.moved < _LINEAR:
-            break
-    return probe
-
-
-def _noisy(run: Callable[..., Run], quiet: Run, few: Floats, noise: float) -> Probe:
-    noisy = run(few, quiet.tolerance, MOST_STEPS, noise)
-    return Probe(noisy, _apart(noisy, quiet, few), abs(noise))
-
-
-def _judged(runs: list[Run], probe: Probe | None, few: Floats) -> Refinement:
-    """The runs with the error of the last: its tolerance's share of its difference from the one before, and rounding."""
-    rough, fine = runs[-2:]
-    apart = _apart(rough, fine, few)
-    truncation = _CAUTION * apart * _gain(rough, fine) if apart < _LINEAR else apart
-    rounding = 2.0 * _ROUNDING
-    if probe is not None:
-        rounding += _LUCK * probe.moved * _ROUNDING / probe.noise if probe.moved < _LINEAR else probe.moved
-    return Refinement(runs, probe, truncation, rounding, apart < _LINEAR)
 
 
 def _gain(rough: Run, fine: Run) -> float:

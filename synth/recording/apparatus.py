@@ -1,66 +1,104 @@
-"""What the apparatus makes of the motion: tilt of the case, errors of traces, of accelerometers and of time."""
+"""What the apparatus makes of the motion: tilt of the case, errors of traces, of accelerometers and of time; then the
+defects of the recording: noise, outliers, rounding, and what is lost.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Accelerometer, TraceErrors
+from data_schemas.variables_record import ELONGATION_FLAGS
 from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
-from synth.phase import Floats
+from synth.phase import Floats, Integers
 from synth.plan import Plan
 from synth.propagate import SampledMotion, propagate
 from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
 
+Flags = NDArray[np.uint16]
+_AXES = ("horizontal_acceleration", "vertical_acceleration")
+_GAP, _MARK = ELONGATION_FLAGS["gap"], ELONGATION_FLAGS["time_mark"]
+
 
 class Apparatus:
-    """The apparatus of one record, given its whole clock; chunk by chunk, in order of time."""
+    """The apparatus of one record, given its whole clock; chunk by chunk, in order of time.
+
+    Chance is drawn for the whole record, trace by trace, so that it does not depend on the chunks.
+    """
 
     def __init__(self, plan: Plan, clock: Clock) -> None:
-        self._scene, self._plan = plan.scene, plan
-        self._late = {
-            delay: _angles_before(plan, clock, delay)
-            for delay in dict.fromkeys(each.delay for each in plan.scene.recording.errors if each.delay)
-        }
-        self._noise = {name: generator(plan.scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
+        scene, recording = plan.scene, plan.scene.recording
+        self._scene, self._plan = scene, plan
+        self._late = {each.delay: _angles_before(plan, clock, each.delay) for each in recording.errors if each.delay}
+        self._noise = {name: generator(scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
+        self._chance = [_chance(scene, trace.name, clock.count) for trace in scene.traces]
+        self.loses_samples = recording.missing_samples > 0 or any(delay > 0.0 for delay in self._late)
+        """Whether any sample is lost; what has no loss has no flags."""
+        if not self.loses_samples and (recording.mark_gap or recording.missing):
+            self.loses_samples = any(_lost_by_time(part.seconds, scene).any() for part in clock.chunks())
 
-    def elongations(self, sampled: SampledMotion, clock: Clock) -> Floats:
-        """Traces as they would be read without noise, (traces, samples), rad; NaN where none has begun."""
-        scene = self._scene
-        rows = []
+    def samples(self, sampled: SampledMotion, clock: Clock) -> tuple[Floats, Flags]:
+        """The traces of a chunk, (traces, samples) rad, NaN where lost; and the flags of `record/elongation_qc`."""
+        recording = self._scene.recording
+        rows = np.array(list(self._elongations(sampled, clock)))
+        flags = np.empty(rows.shape, dtype=np.uint16)
+        flags[:] = _lost_by_time(clock.seconds, self._scene)
+        flags[np.isnan(rows)] |= _GAP
+        ends = [clock.begin, clock.begin + clock.count]
+        for trace, chance, row, lost in zip(self._scene.traces, self._chance, rows, flags, strict=True):
+            if chance.noise is not None:
+                row += chance.noise.normal(scale=recording.noise, size=row.size)
+            here = slice(*np.searchsorted(chance.outliers, ends))
+            row[chance.outliers[here] - clock.begin] += chance.errors[here]
+            here = slice(*np.searchsorted(chance.missing, ends))
+            lost[chance.missing[here] - clock.begin] |= _GAP
+            limits = [each.clip for each in self._errors(trace.name) if each.clip is not None]
+            if limits:
+                np.clip(row, -min(limits), min(limits), out=row)
+        if recording.quantisation:
+            rows = np.rint(rows / recording.quantisation) * recording.quantisation
+        rows[flags != 0] = np.nan
+        return rows, flags
+
+    def _elongations(self, sampled: SampledMotion, clock: Clock) -> Iterator[Floats]:
+        """Traces as they would be read without noise; NaN where none has begun."""
+        scene, pitch = self._scene, self._plan.pitch
         for trace, weights in zip(scene.traces, combination(scene), strict=True):
-            errors = _of(scene.recording.errors, trace.name)
+            errors = self._errors(trace.name)
             delay = sum(each.delay for each in errors)
             theta = self._late[delay][:, clock.begin : clock.begin + clock.count] if delay else sampled.theta
             row = weights @ theta
-            if scene.case is not None and scene.case.reference == "case" and self._plan.pitch is not None:
-                row -= weights.sum() * _at(shifted(self._plan.pitch, -delay), clock)
+            if scene.case is not None and scene.case.reference == "case" and pitch is not None:
+                row -= weights.sum() * _at(shifted(pitch, -delay), clock)
             for each in errors:
-                row = misread(each, row, clock.seconds, scene.duration)
-            rows.append(row)
-        return np.array(rows)
+                row = _misread(each, row, clock.seconds, scene.duration)
+            yield row
+
+    def _errors(self, trace: str) -> list[TraceErrors]:
+        return [each for each in self._scene.recording.errors if each.trace in (None, trace)]
 
     def beside(self, sampled: SampledMotion, clock: Clock) -> dict[str, Any]:
         """Accelerations and tilt that the record carries, variables of its group `record`."""
-        found: dict[str, Any] = {}
+        carried: dict[str, Any] = {}
         for name, motion in zip(_AXES, (self._plan.motion, self._plan.vertical), strict=True):
             how = getattr(self._scene.recording, name)
             if isinstance(how, Accelerometer):
-                found[name] = (("time",), self._accelerometer(name, how, motion, clock))
+                carried[name] = (("time",), self._accelerometer(name, how, motion, clock))
             elif how:
-                found[name] = (("time",), getattr(sampled, name))
+                carried[name] = (("time",), getattr(sampled, name))
         case, pitch = self._scene.case, self._plan.pitch
         if case is not None and case.write_tilt and pitch is not None:
             noise = self._noise["case_tilt"].normal(size=clock.count)
-            found["case_tilt"] = (("time",), _at(pitch, clock) + case.tilt_noise * noise)
-        return found
+            carried["case_tilt"] = (("time",), _at(pitch, clock) + case.tilt_noise * noise)
+        return carried
 
     def _accelerometer(self, name: str, how: Accelerometer, motion: HarmonicSum, clock: Clock) -> Floats:
         value = _at(shifted(motion, -how.delay), clock)
@@ -74,7 +112,27 @@ class Apparatus:
         return value
 
 
-_AXES = ("horizontal_acceleration", "vertical_acceleration")
+class _Chance(NamedTuple):
+    """What befalls one trace: its noise as it comes, and which samples are outliers or missing, increasing."""
+
+    noise: np.random.Generator | None
+    outliers: Integers
+    errors: Floats
+    missing: Integers
+
+
+def _chance(scene: Scene, trace: str, count: int) -> _Chance:
+    recording = scene.recording
+
+    def some(chance: np.random.Generator, number: int) -> Integers:
+        return chance.permutation(count)[:number] if number else np.empty(0, dtype=np.int64)
+
+    noise, signs, losses = (generator(scene.seed, f"{name} {trace}") for name in ("noise", "outliers", "missing"))
+    where = some(signs, recording.outliers)
+    errors = recording.outlier_amplitude * signs.choice([-1.0, 1.0], size=where.size)
+    order = np.argsort(where)
+    missing = np.sort(some(losses, recording.missing_samples))
+    return _Chance(noise if recording.noise else None, where[order], errors[order], missing)
 
 
 def combination(scene: Scene) -> Floats:
@@ -83,7 +141,7 @@ def combination(scene: Scene) -> Floats:
 
 
 def stamps(scene: Scene, seconds: Floats) -> Floats:
-    """Times as the record has them, (readings,), s."""
+    """Times as the record has them, (samples,), s."""
     recording = scene.recording
     stamped = seconds
     for step in recording.clock_steps:
@@ -94,14 +152,8 @@ def stamps(scene: Scene, seconds: Floats) -> Floats:
     return stamped
 
 
-def limits(scene: Scene) -> list[float]:
-    """Largest elongation that each trace shows, rad."""
-    shown = [_of(scene.recording.errors, trace.name) for trace in scene.traces]
-    return [min((each.clip for each in errors if each.clip is not None), default=np.inf) for errors in shown]
-
-
-def misread(errors: TraceErrors, angle: Floats, seconds: Floats, duration: float) -> Floats:
-    """What a trace shows of an angle, (readings,), rad; see `TraceErrors`."""
+def _misread(errors: TraceErrors, angle: Floats, seconds: Floats, duration: float) -> Floats:
+    """What a trace shows of an angle, (samples,), rad; see `TraceErrors`."""
     shown = np.tan(errors.lever * angle) / errors.lever if errors.lever else angle
     shown = (1.0 + errors.scale) * (shown + errors.cubic * angle**3) + errors.zero
     shown = shown + errors.drift * (seconds / duration - 0.5)
@@ -110,8 +162,15 @@ def misread(errors: TraceErrors, angle: Floats, seconds: Floats, duration: float
     return np.asarray(shown)
 
 
-def _of(errors: Iterable[TraceErrors], trace: str) -> list[TraceErrors]:
-    return [each for each in errors if each.trace in (None, trace)]
+def _lost_by_time(seconds: Floats, scene: Scene) -> Flags:
+    """Flags (samples,) of what is lost in all traces at once: time marks and whole stretches."""
+    recording = scene.recording
+    flags = np.zeros(seconds.size, dtype=np.uint16)
+    if recording.mark_gap:
+        flags[seconds % recording.gap_interval < recording.mark_gap] |= _GAP | _MARK
+    for stretch in recording.missing:
+        flags[(seconds >= stretch.start) & (seconds < stretch.stop)] |= _GAP
+    return flags
 
 
 def _at(motion: HarmonicSum, clock: Clock) -> Floats:
@@ -119,8 +178,8 @@ def _at(motion: HarmonicSum, clock: Clock) -> Floats:
 
 
 def _angles_before(plan: Plan, clock: Clock, delay: float) -> Floats:
-    """Angles of all readings at a time earlier by a delay, (pendulums, readings); NaN before the start."""
-    seconds = np.concatenate([part.seconds for part in clock.portions(1)]) - delay / float(clock.scale)
+    """Angles of all samples at a time earlier by a delay, (pendulums, samples); NaN before the start."""
+    seconds = np.concatenate([part.seconds for part in clock.chunks()]) - delay / float(clock.scale)
     begins = int(np.searchsorted(seconds, 0.0))
     earlier = Clock(UnevenTimes(seconds[begins:], clock.scale), slice(None), clock.scale)
     moved = replace(plan, times=earlier.times, planes=tuple(replace(each, times=earlier.times) for each in plan.planes))

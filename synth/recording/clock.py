@@ -1,4 +1,4 @@
-"""When readings are taken, and what the chronometer says of it."""
+"""When samples are taken, and what the chronometer says of it."""
 
 from __future__ import annotations
 
@@ -16,29 +16,28 @@ from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.seeds import generator
 
 _DAY = 86_400
-_MOST = 1 << 19  # values a variable and portion: 4 MiB
-_FEWEST, _LARGEST = 1 << 13, 1 << 16  # readings a portion; the largest is a chunk of a file
+CHUNK = 1 << 16  # samples that are evaluated at once, as many as in a chunk of a file
 _UNEVEN = 2  # how many times fewer they are at uneven moments, which take the values of 28 polynomials each
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Moments of the readings, or of a portion of them."""
+    """Moments of the samples, or of a chunk of them."""
 
     times: EvenTimes | UnevenTimes  # The propagator's moments, in true time
     kept: Integers | slice
-    """(readings,) which of the propagator's moments are recorded: readings that are absent are left out afterwards."""
+    """(samples,) which of the propagator's moments are recorded: absent samples are left out afterwards."""
     scale: Fraction  # True time over the chronometer's
-    begin: int = 0  # Readings before the first of these
+    begin: int = 0  # Samples before the first of these
 
     @property
     def count(self) -> int:
-        """Number of readings."""
+        """Number of samples."""
         return self.times.count if isinstance(self.kept, slice) else self.kept.size
 
     @cached_property
     def seconds(self) -> Floats:
-        """Time of the readings by the chronometer, (readings,), as recorded; strictly increasing, s."""
+        """Time of the samples by the chronometer, (samples,), as recorded; strictly increasing, s."""
         if isinstance(self.times, UnevenTimes):
             return self.times.seconds
         step = self.times.step / self.scale
@@ -48,23 +47,21 @@ class Clock:
 
     @property
     def true_seconds(self) -> Floats:
-        """True time of the readings, s."""
+        """True time of the samples, s."""
         return self.seconds * float(self.scale)
 
     @property
     def true_end(self) -> float:
-        """True time of the last reading, s."""
+        """True time of the last sample, s."""
         last = self.times.count - 1 if isinstance(self.kept, slice) else int(self.kept[-1])
         return float(Clock(self.times.stretch(last, last + 1), slice(None), self.scale).true_seconds[0])
 
-    def portions(self, rows: int) -> Iterator[Clock]:
-        """The same moments in portions of bounded size, in order of time; a portion may record nothing.
+    def chunks(self) -> Iterator[Clock]:
+        """The same moments in chunks, in order of time; a chunk may record nothing.
 
-        There are `rows` values to a moment. A scene always falls into the same portions: hence the same bits.
+        A scene always falls into the same chunks: hence the same bits.
         """
-        size = min(max(1 << (_MOST // rows).bit_length() - 1, _FEWEST), _LARGEST)
-        if isinstance(self.times, UnevenTimes):
-            size //= _UNEVEN
+        size = CHUNK // _UNEVEN if isinstance(self.times, UnevenTimes) else CHUNK
         for begin in range(0, self.times.count, size):
             end, first, kept = min(begin + size, self.times.count), begin, self.kept
             if not isinstance(kept, slice):
@@ -85,11 +82,11 @@ def true_time_scale(rate: float) -> Fraction:
 
 
 def set_clock(scene: Scene) -> Clock:
-    """Moments of a scene's readings: 0, step, 2 step ... by the chronometer, less those dropped.
+    """Moments of a scene's samples: 0, step, 2 step ... by the chronometer, less those dropped.
 
-    Even readings without a gap are only counted, not listed; others take a few numbers a reading.
+    Even samples without a gap are only counted, not listed; others take a few numbers each.
 
-    `SceneError` if no reading is left.
+    `SceneError` if no sample is left.
     """
     recording = scene.recording
     scale = true_time_scale(recording.chronometer_rate)

@@ -1,4 +1,4 @@
-"""The record: what an instrument would have written down of the motion."""
+"""The record: what an instrument would have written down of the motion; and the truth, which no estimator may read."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from numpy.typing import NDArray
 from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import Kind, root_attributes
 from data_schemas.scene import Scene
+from data_schemas.scene_conditions import frequency
 from data_schemas.scene_recording import Accelerometer
 from data_schemas.variables import attributes
-from synth.phase import Floats
+from synth.phase import Floats, Phasors
+from synth.plan import Plan
 from synth.propagate import SampledMotion
 from synth.recording.apparatus import Apparatus, combination, stamps
 from synth.recording.clock import Clock
-from synth.recording.defects import Defects
 from synth.seeds import generator
 
 Variables = dict[str, tuple[tuple[str, ...], Any]]  # Dimensions and values by name
-
+_TURN = 2 * np.pi
 _SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitude", "longitude", "height")
 
 
-def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Apparatus, defects: Defects) -> Contents:
+def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Apparatus) -> Contents:
     """Record a motion at the moments of a clock, as `data_schemas` lays a record out.
 
-    Apparatus and defects are those of the whole recording; its chunks must come in order of time.
+    The apparatus is that of the whole recording; its chunks must come in order of time.
     """
-    samples, flags = defects.samples(apparatus.elongations(sampled, clock), clock)
+    samples, flags = apparatus.samples(sampled, clock)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination(scene)),
         "elongation": (("trace", "time"), samples),
@@ -40,7 +41,7 @@ def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Appar
     states_noise = scene.recording.record_uncertainty
     if states_noise if states_noise is not None else scene.recording.noise > 0:
         record["elongation_uncertainty"] = (("trace",), np.full(len(scene.traces), scene.recording.noise))
-    if defects.lose_any:
+    if apparatus.loses_samples:
         record["elongation_qc"] = (("trace", "time"), flags)
     record |= apparatus.beside(sampled, clock)
     labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
@@ -61,6 +62,57 @@ def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Appar
         "record": described("record", record, traces | labels, measured_from),
         "instrument": described("instrument", instrument | stated(scene, clock.true_seconds), labels, how),
     }
+
+
+def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: Unwrapping) -> Contents:
+    """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
+
+    theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.
+    """
+    scene, both, one, time = plan.scene, ("pendulum", "time"), ("pendulum",), ("time",)
+    interval = float(scene.recording.mark_interval) if scene.recording.marks else scene.recording.gap_interval
+    at_mean = scene.model_copy(update={"gravity": scene.gravity + plan.mean_change})
+    kicked = np.array([each.kick_intensity for each in scene.pendulums])
+    variables: dict[str, Any] = {
+        "gravity": ((), at_mean.gravity),
+        "frequency": (one, np.array([frequency(at_mean, each) for each in scene.pendulums])),
+        "damping_rate": (one, np.array([each.damping_rate for each in scene.pendulums])),
+        "theta": (both, sampled.theta),
+        "horizontal_acceleration": (time, sampled.horizontal_acceleration),
+        "mark_time": (("mark",), np.arange(0.0, scene.duration, interval) * float(clock.scale)),
+    }
+    if sampled.gravity_change is not None:
+        variables["gravity_course"] = (time, scene.gravity + sampled.gravity_change)
+    if kicked.any():
+        variables["kick_intensity"] = (one, kicked)
+    if sampled.free is not None:
+        amplitude = np.abs(sampled.free)
+        base = np.array([float(each.damped_frequency) for each in plan.responses])[:, None] * clock.true_seconds
+        phase = unwrapped(sampled.free, base)
+        variables["free_amplitude"], variables["free_phase"] = (both, amplitude), (both, phase)
+        variables["forced"] = (both, sampled.theta - amplitude * np.cos(phase))
+    elif sampled.slow is not None:  # motions do not superpose: what linear pendulums would answer
+        variables["forced"] = (both, sampled.slow)
+    if plan.vertical.angular_frequency.size:
+        variables["vertical_acceleration"] = (time, sampled.vertical_acceleration)
+    if sampled.support_displacement is not None:
+        variables["support_displacement"] = (time, sampled.support_displacement)
+    if plan.pitch is not None:
+        variables["case_pitch"] = (time, clock.times.acceleration(plan.pitch)[clock.kept])
+    if plan.kicks is not None and plan.kicks.jumps:
+        moments = [float((each.number + 1) * plan.kicks.step) for each in plan.kicks.jumps]
+        variables["event_time"] = (("event",), np.array(moments))
+    attrs = {
+        "scene": scene.model_dump_json(),
+        "seed": scene.seed,
+        "propagator": sampled.propagator,
+        "estimated_error": sampled.estimated_error,
+        "tolerance": plan.tolerance,
+        "caution": plan.caution,
+    }
+    attrs = {name: value for name, value in attrs.items() if value is not None}
+    labels = {"pendulum": label_array(each.label for each in scene.pendulums)}
+    return {"": root(scene, clock, "truth", attrs), "truth": described("truth", variables, labels)}
 
 
 def root(scene: Scene, clock: Clock, kind: Kind, attrs: dict[str, Any]) -> Group:
@@ -148,3 +200,39 @@ def _bases(scene: Scene) -> Variables:
         periods += generator(scene.seed, "base periods").normal(scale=sigma, size=periods.shape)
         variables["base_period_uncertainty"] = (("base", "pendulum"), np.full(periods.shape, sigma))
     return variables | {"base_period": (("base", "pendulum"), periods)}
+
+
+class Unwrapping:
+    """Unwraps chunk after chunk, in order of time, as if the signal had come whole.
+
+    The signal's own phase may turn by half a turn between samples; the difference from the base moves slowly. The
+    turns of that difference are counted in whole numbers, which do not depend on the chunks.
+
+    Examples
+    --------
+    >>> base = np.arange(0.0, 20.0, 2.5)[None]
+    >>> unwrapped = Unwrapping()
+    >>> halves = [unwrapped(np.exp(0.9j * base[:, half]), base[:, half]) for half in (slice(4), slice(4, None))]
+    >>> bool(np.allclose(np.hstack(halves), 0.9 * base))
+    True
+    """
+
+    def __init__(self) -> None:
+        self._last: Floats | None = None
+        self._turns: Floats | None = None
+
+    def __call__(self, signal: Phasors, base: Floats) -> Floats:
+        """Phase of the next chunk of a signal, (pendulums, samples) rad; so is the base."""
+        beside = np.remainder(np.angle(signal) - base, _TURN)
+        if not beside.size:
+            return beside
+        if self._last is None or self._turns is None:
+            self._last = beside[:, :1]
+            # The whole turns are chosen so that the phase begins within half a turn of zero.
+            self._turns = -np.rint((beside[:, :1] + base[:, :1]) / _TURN)
+        turns = self._turns - np.cumsum(np.rint(np.diff(beside, prepend=self._last) / _TURN), axis=-1)
+        self._last, self._turns = beside[:, -1:].copy(), turns[:, -1:].copy()
+        turns *= _TURN
+        beside += turns
+        beside += base
+        return beside

@@ -21,8 +21,8 @@ from data_schemas.scene import Scene
 from synth import scene_path, simulate, simulate_to
 from synth.recording import clock
 from synth.recording.clock import set_clock
+from synth.recording.observe import Unwrapping
 from synth.streaming import stream
-from synth.truth import Unwrapping
 
 Maker = Callable[..., Scene]
 
@@ -45,8 +45,7 @@ def portions_of(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Set the number of readings in a portion."""
 
     def change(size: int) -> None:
-        monkeypatch.setattr(clock, "_FEWEST", size)
-        monkeypatch.setattr(clock, "_LARGEST", size)
+        monkeypatch.setattr(clock, "CHUNK", size)
 
     return change
 
@@ -191,7 +190,7 @@ import os, signal
 from data_schemas import load_scene
 from synth import scene_path, simulate_to
 from synth.recording import clock
-clock._LARGEST = clock._FEWEST
+clock.CHUNK = 1 << 13
 kill = lambda done, total: os.kill(os.getpid(), signal.SIGKILL) if done > total / 2 else None
 simulate_to(load_scene(scene_path("linear")), {str(tmp_path / "a.nc")!r}, {str(tmp_path / "b.nc")!r}, progress=kill)
 """

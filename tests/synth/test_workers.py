@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from data_schemas.errors import SceneError
-from synth.workers import WorkerError, in_order
+from synth.ensemble import WorkerError, in_order
 
 
 def work(job: int) -> int:

@@ -64,16 +64,23 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
             for first, last, by in counted.doubts
         ),
         kind="gaps" if across is None else across.kind,
-        mark_sigma=_mark_sigma(freed, sigma, paper),
+        mark_sigma=_mark_sigma(freed, sigma, paper, hidden),
     )
 
 
-def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive) -> float:
-    """1 sigma of a mark's time, s, of all traces together: what they leave of the motion, and what that took of it."""
+def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive, hidden: float) -> float:
+    """1 sigma of a mark's time, s, of all traces together, as white noise of the time axis from mark to mark.
+
+    What they leave of the motion, and what that took of it; the mean of what the paper may do unseen between two marks
+    (see `times_of`), and wow that they hide, px; and the doubt of the marks that are missing.
+    """
     weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
     seen = weight.any(axis=0)
     rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
-    return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2)) / np.median(paper.speed))
+    h, shake, roughness = paper.model.step, np.exp(2.0 * paper.model.shake), np.exp(2.0 * paper.model.roughness)
+    unseen = shake * h**3 / 420.0 + roughness * h**5 / 55440.0 + hidden**2
+    unseen += np.mean(np.where(seen, 0.0, paper.row_sigma**2))
+    return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2) + unseen) / np.median(paper.speed))
 
 
 def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[str, ...]:

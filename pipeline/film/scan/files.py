@@ -35,6 +35,7 @@ ORIENTATION = 274  # tag of TIFF and EXIF
 BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
 
 
+@dataclass(frozen=True)
 class ImageFile(Image):
     """An image file."""
 
@@ -43,28 +44,18 @@ class ImageFile(Image):
     upright: int  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
 
 
-@dataclass
-class WholeImage(ImageFile):
-    """An image in memory."""
+def in_memory(pixels: Pixels, path: Path, resolution: tuple[float, float] | None = None, tag: Any = 1) -> ImageFile:
+    """An image file that was decoded whole; `tag` is its orientation."""
+    (rows, columns), full_scale = pixels.shape, 255 if pixels.dtype == np.uint8 else 65535
+    return ImageFile(rows, columns, full_scale, lambda a, b: pixels[a:b], path, resolution, _known_orientation(tag))
 
-    path: Path
-    pixels: Pixels
-    resolution: tuple[float, float] | None
-    upright: int
 
-    def __post_init__(self) -> None:
-        self.rows, self.columns = self.pixels.shape
-        self.full_scale = 255 if self.pixels.dtype == np.uint8 else 65535
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        return self.pixels[first:stop]
+def _known_orientation(tag: Any) -> int:
+    return int(tag) if tag in range(1, 9) else 1
 
 
 def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
-    """Raise `FileError` for an image without pixels, too narrow for a film, or larger than any scan."""
-    if rows < 1 or columns < 1:
-        raise FileError(f"{path}: the image has {rows} rows of {columns} pixels; scan the film again")
+    """Raise `FileError` for an image too narrow for a film, or larger than any scan."""
     if min(rows, columns) < 16:
         raise FileError(f"{path}: {columns} x {rows} pixels hold no film; at least 16 across are needed")
     if rows * columns > MOST_PIXELS:
@@ -87,7 +78,7 @@ def to_grey(pixels: Pixels) -> Pixels:
     return np.asarray(luma >> np.uint32(16), dtype=pixels.dtype)
 
 
-def open_whole(path: Path, kind: str) -> WholeImage:
+def open_whole(path: Path, kind: str) -> ImageFile:
     """Decode an image file of `kind` "PNG", "JPEG" or "TIFF": Pillow's guess would try every format it knows.
 
     Raises `FileError` where it is damaged, of an unknown mode, or too large to be decoded whole.
@@ -108,14 +99,13 @@ def open_whole(path: Path, kind: str) -> WholeImage:
                         f"{path}: {columns} x {rows} pixels are too many for {kind}, which can only be decoded whole; "
                         "save it as TIFF in strips, or cut it and add --strips"
                     )
-                upright = int(image.getexif().get(ORIENTATION, 1))
                 resolution = None
                 with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
                     across, down = (float(value) for value in image.info.get("dpi"))
                     resolution = down, across
                 deep = image.mode in ("I", "I;16")
                 pixels = np.array(np.clip(image, 0, 65535), np.uint16) if deep else np.array(image.convert("L"))
-                return WholeImage(path, pixels, resolution, upright if 1 <= upright <= 8 else 1)
+                return in_memory(pixels, path, resolution, image.getexif().get(ORIENTATION, 1))
     except FileError:
         raise
     except MemoryError as fault:
@@ -129,7 +119,7 @@ def _short(fault: Exception) -> str:
 
 
 def open_tiff(path: Path) -> ImageFile:
-    """Open the largest image of a TIFF; what `TiffImage` cannot decode piece by piece Pillow takes whole, if small.
+    """Open the largest image of a TIFF; what `Tiff` cannot decode piece by piece Pillow takes whole, if small.
 
     Raises `FileError` where the file is damaged, holds several images, or pixels that are no whole numbers of 8 or 16
     bits.
@@ -142,7 +132,7 @@ def open_tiff(path: Path) -> ImageFile:
             pages: list[Any] = list(itertools.islice(tiff.pages, MOST_PAGES))
             sizes = [int(each.imagelength) * int(each.imagewidth) for each in pages]
             page = pages[sizes.index(max(sizes))]
-            image = TiffImage(path, page, tiff.byteorder)
+            image = Tiff(path, page, tiff.byteorder)
             several = sum(size > SMALL * max(sizes) for size in sizes) > 1
             bits, kind = page.bitspersample, page.sampleformat
     except Exception as fault:  # tifffile raises whatever the bytes lead to
@@ -157,10 +147,11 @@ def open_tiff(path: Path) -> ImageFile:
     if not is_known or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
         return open_whole(path, "TIFF")
     image.check()
-    return image
+    shape = image.rows, image.columns, image.full_scale
+    return ImageFile(*shape, image.read, path, image.resolution, image.upright)
 
 
-class TiffImage(ImageFile):
+class Tiff:
     """A TIFF on the disk, of which nothing is held but the bands of rows last decoded; any number of threads may read.
 
     A band is a row of tiles, or a strip, which is a tile as wide as the image: `segment` is the shape of either. Plane
@@ -183,8 +174,7 @@ class TiffImage(ImageFile):
         self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
         across, down = page.get_resolution("INCH")
         self.resolution = float(down), float(across)
-        upright = page.tags.valueof(ORIENTATION, default=1)
-        self.upright = int(upright) if upright in range(1, 9) else 1
+        self.upright = _known_orientation(page.tags.valueof(ORIENTATION, default=1))
 
     def check(self) -> None:
         """Raise `FileError` where the tags contradict each other or the file's length.

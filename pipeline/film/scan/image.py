@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 import weakref
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
@@ -26,133 +26,78 @@ SHARP = 6  # px within which the level changes at an edge
 ALL_ALONG = 0.9  # of the border's columns are away from the film's level
 STRAIGHT = 12.0  # px by which edges may depart from a straight line
 
+TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")
+"""Rows and columns exchanged (t), then rows (r) and columns (c) reversed: what sets the rows of a file upright, by the
+orientation of TIFF and EXIF from 1 on."""
+CLOCKWISE = {0: "", 90: "tc", 180: "rc", 270: "tr"}  # Turns by degrees
 
-class Image(ABC):
+
+@dataclass(frozen=True)
+class Image:
     """Rows of an image in grey; `full_scale` is the value of the lightest pixel, 255 or 65535."""
 
     rows: int
     columns: int
     full_scale: int
-
-    @abstractmethod
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
+    read: Callable[[int, int], Pixels]  # rows from a first one to before another
 
 
-@dataclass
-class View(Image):
-    """An image seen through something that keeps its size and its white."""
-
-    image: Image
-
-    def __post_init__(self) -> None:
-        self.rows, self.columns, self.full_scale = self.image.rows, self.image.columns, self.image.full_scale
-
-
-@dataclass
-class Part(View):
+def part_of(image: Image, first: int, stop: int) -> Image:
     """Some rows of an image."""
-
-    first: int
-    stop: int
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.rows = self.stop - self.first
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop` of the part."""
-        return self.image.read(self.first + first, self.first + stop)
+    return replace(image, rows=stop - first, read=lambda a, b: image.read(first + a, first + b))
 
 
-@dataclass
-class Inverted(View):
+def inverted(image: Image) -> Image:
     """An image whose light lines have become dark."""
 
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        pixels = self.image.read(first, stop)
-        return np.asarray(pixels.dtype.type(self.full_scale) - pixels)
+    def read(first: int, stop: int) -> Pixels:
+        pixels = image.read(first, stop)
+        return np.asarray(pixels.dtype.type(image.full_scale) - pixels)
+
+    return replace(image, read=read)
 
 
-class Turn(NamedTuple):
-    """Rows and columns exchanged, then either reversed."""
+def turned(image: Image, turn: str) -> Image:
+    """An image after one of the `TURNS`."""
+    whole, columns = transposed(image) if "t" in turn else image, slice(None, None, -1 if "c" in turn else 1)
 
-    transposed: bool = False
-    rows_reversed: bool = False
-    columns_reversed: bool = False
+    def read(first: int, stop: int) -> Pixels:
+        if "r" in turn:
+            return np.ascontiguousarray(whole.read(whole.rows - stop, whole.rows - first)[::-1, columns])
+        return np.ascontiguousarray(whole.read(first, stop)[:, columns])
 
-    def then(self, other: Turn) -> Turn:
-        """This turn and after it another.
-
-        >>> Turn(True, False, True).then(Turn(True, False, True)) == Turn(False, True, True)
-        True
-        """
-        _, rows, columns = self
-        if other.transposed:
-            rows, columns = columns, rows
-        return Turn(self.transposed != other.transposed, rows != other.rows_reversed, columns != other.columns_reversed)
+    return replace(whole, read=read) if turn.strip("t") else whole
 
 
-TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")  # transposed, rows reversed, columns reversed
-UPRIGHT = {code: Turn(*(letter in turn for letter in "trc")) for code, turn in enumerate(TURNS, 1)}
-"""What sets the rows of a file upright, by the orientation of TIFF and EXIF."""
-CLOCKWISE = {0: UPRIGHT[1], 90: UPRIGHT[6], 180: UPRIGHT[3], 270: UPRIGHT[8]}  # Turns by degrees
-
-
-@dataclass
-class Reversed(View):
-    """An image whose rows, or columns, run the other way."""
-
-    rows_reversed: bool = True
-    columns_reversed: bool = True
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        if self.rows_reversed:
-            pixels = self.image.read(self.rows - stop, self.rows - first)[::-1]
-        else:
-            pixels = self.image.read(first, stop)
-        return np.ascontiguousarray(pixels[:, ::-1] if self.columns_reversed else pixels)
-
-
-class Transposed(Image):
-    """An image whose columns have become rows, kept in a temporary file that goes with the process.
+def transposed(image: Image) -> Image:
+    """An image whose columns have become rows, kept in a temporary file that goes with it.
 
     The file holds chunks of rows one after the other, each transposed: it is written in order.
     """
+    kind, rows, columns = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16), image.columns, image.rows
+    chunk = max(16, CHUNK // (rows * kind.itemsize))
+    try:
+        file: BinaryIO = tempfile.TemporaryFile(prefix="isochrony-")  # noqa: SIM115
+        for first in range(0, columns, chunk):
+            file.write(image.read(first, min(columns, first + chunk)).T.tobytes())
+        file.flush()
+    except OSError as fault:
+        raise FileError(
+            f"{tempfile.gettempdir()}: too little space to turn the image ({fault.strerror}); set TMPDIR to "
+            "another folder, or turn it beforehand so that the film runs down"
+        ) from fault
 
-    def __init__(self, image: Image) -> None:
-        self.rows, self.columns, self.full_scale = image.columns, image.rows, image.full_scale
-        self._type = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16)
-        self._chunk = max(16, CHUNK // (image.columns * self._type.itemsize))
-        try:
-            self._file: BinaryIO = tempfile.TemporaryFile(prefix="isochrony-")  # noqa: SIM115
-            weakref.finalize(self, self._file.close)
-            for first in range(0, image.rows, self._chunk):
-                self._file.write(image.read(first, min(image.rows, first + self._chunk)).T.tobytes())
-            self._file.flush()
-        except OSError as fault:
-            raise FileError(
-                f"{tempfile.gettempdir()}: too little space to turn the image ({fault.strerror}); set TMPDIR to "
-                "another folder, or turn it beforehand so that the film runs down"
-            ) from fault
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        pixels = np.empty((stop - first, self.columns), dtype=self._type)
-        for left in range(0, self.columns, self._chunk):
-            width = min(self._chunk, self.columns - left)
-            start = (left * self.rows + first * width) * self._type.itemsize
-            data = os.pread(self._file.fileno(), (stop - first) * width * self._type.itemsize, start)
-            pixels[:, left : left + width] = np.frombuffer(data, self._type).reshape(stop - first, width)
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.empty((stop - first, columns), dtype=kind)
+        for left in range(0, columns, chunk):
+            width = min(chunk, columns - left)
+            start = (left * rows + first * width) * kind.itemsize
+            data = os.pread(file.fileno(), (stop - first) * width * kind.itemsize, start)
+            pixels[:, left : left + width] = np.frombuffer(data, kind).reshape(stop - first, width)
         return pixels
 
-
-def turned(image: Image, turn: Turn) -> Image:
-    """The image after a turn."""
-    image = Transposed(image) if turn.transposed else image
-    return Reversed(image, *turn[1:]) if any(turn[1:]) else image
+    weakref.finalize(read, file.close)
+    return Image(rows, columns, image.full_scale, read)
 
 
 class Edge(NamedTuple):
@@ -163,26 +108,24 @@ class Edge(NamedTuple):
     level: float
 
 
-@dataclass
-class WithoutBorder(View):
-    """An image whose borders show blank film, so that columns keep their numbers; None where there is no border."""
+def without_border(image: Image) -> Image:
+    """An image whose borders show blank film, so that columns keep their numbers; itself where it has none."""
+    left, right = border_of(image)
 
-    left: Edge | None
-    right: Edge | None
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        pixels = np.array(self.image.read(first, stop))
-        rows, columns = np.arange(first, stop)[:, None], np.arange(self.columns)
-        if self.left is not None:
-            pixels[columns < self.left.start + self.left.slope * rows + SHADOW] = round(self.left.level)
-        if self.right is not None:
-            pixels[columns >= self.right.start + self.right.slope * rows - SHADOW] = round(self.right.level)
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.array(image.read(first, stop))
+        rows, columns = np.arange(first, stop)[:, None], np.arange(image.columns)
+        if left is not None:
+            pixels[columns < left.start + left.slope * rows + SHADOW] = round(left.level)
+        if right is not None:
+            pixels[columns >= right.start + right.slope * rows - SHADOW] = round(right.level)
         return pixels
 
+    return image if left is None and right is None else replace(image, read=read)
 
-def without_border(image: Image) -> Image:
-    """The image with the scanner's border beside the film overlaid; the image itself where it has none.
+
+def border_of(image: Image) -> tuple[Edge | None, Edge | None]:
+    """The film's left and right edge where the scanner's border lies beside it.
 
     The border is lighter or darker than blank film, and straight but perhaps oblique.
     """
@@ -191,16 +134,13 @@ def without_border(image: Image) -> Image:
         [np.median(image.read(a, min(image.rows, a + PROFILE_ROWS)), axis=0) for a in starts], dtype=np.float64
     )
     middle = np.array(starts) + 0.5 * min(PROFILE_ROWS, image.rows)
-    left = _edge(profiles, middle, image.full_scale)
-    right = _edge(profiles[:, ::-1], middle, image.full_scale)
-    if right is not None:
-        right = Edge(image.columns - right.start, -right.slope, right.level)
-    return image if left is None and right is None else WithoutBorder(image, left, right)
+    left, right = (_edge(each, middle, LEAST_STEP * image.full_scale) for each in (profiles, profiles[:, ::-1]))
+    return left, right and Edge(image.columns - right.start, -right.slope, right.level)
 
 
-def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], full_scale: int) -> Edge | None:
+def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], limit: float) -> Edge | None:
     """Straight line through the edges at the left of the profiles; None without."""
-    widths = np.array([_width(profile, LEAST_STEP * full_scale) for profile in profiles])
+    widths = np.array([_width(profile, limit) for profile in profiles])
     visible = widths > 0
     if np.count_nonzero(visible) < FEWEST:
         return None

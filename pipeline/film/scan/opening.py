@@ -17,19 +17,7 @@ from numpy.typing import NDArray
 from data_schemas.errors import FileError, UsageError
 from data_schemas.text_files import MOST_BYTES, ordinary_size
 from pipeline.film.scan.files import ImageFile, open_tiff, open_whole
-from pipeline.film.scan.image import (
-    CLOCKWISE,
-    UPRIGHT,
-    Image,
-    Inverted,
-    Part,
-    Pixels,
-    Reversed,
-    View,
-    WithoutBorder,
-    turned,
-    without_border,
-)
+from pipeline.film.scan.image import CLOCKWISE, TURNS, Image, Pixels, inverted, part_of, turned, without_border
 
 SAMPLES, SAMPLE_ROWS = 24, 48  # pieces of the image that show whether lines are light
 BLOCK = 48  # columns of one level of the blank film
@@ -73,14 +61,18 @@ class ScanOptions:
 
 
 @dataclass
-class OpenScan(View):
+class OpenScan:
     """An opened image of a film, turned so that rows run with time and lines are dark; read piece by piece."""
 
+    image: Image
     scale: float | None  # size of a pixel on the film, mm
     paths: tuple[Path, ...]  # in order
     notes: tuple[str, ...] = ()  # what was inferred from the image and might be wrong
     orientation: int = 0  # degrees by which it is turned clockwise
     directed: bool = False  # whether the user said how time runs
+
+    def __post_init__(self) -> None:
+        self.rows, self.columns, self.full_scale = self.image.rows, self.image.columns, self.image.full_scale
 
     def read(self, first: int, stop: int) -> Pixels:
         """Rows `first` to `stop`, (stop - first, columns); only what lies in the scan."""
@@ -103,13 +95,13 @@ class OpenScan(View):
         if not 0 <= first < last:
             raise UsageError(f"rows {first} to {last}: the film has rows 0 to {self.rows}")
         notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
-        return replace(self, image=Part(self.image, first, last), notes=notes)
+        return replace(self, image=part_of(self.image, first, last), notes=notes)
 
     def upside_down(self) -> OpenScan:
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
-        turned_on = (self.orientation + 180) % 360
-        return replace(self, image=Reversed(self.image), notes=notes, orientation=turned_on, directed=False)
+        degrees = (self.orientation + 180) % 360
+        return replace(self, image=turned(self.image, CLOCKWISE[180]), notes=notes, orientation=degrees, directed=False)
 
 
 def open_scan(
@@ -130,15 +122,17 @@ def open_scan(
         raise UsageError("no film is named; give the image of a film, or its strips in order")
     files = [open_image(name) for name in named]
     notes: list[str] = []
-    degrees = [_degrees(file, options) for file in files]
-    images = [
-        without_border(turned(file, UPRIGHT[file.upright].then(CLOCKWISE[each])))
-        for file, each in zip(files, degrees, strict=True)
+    upright: list[Image] = [turned(file, TURNS[file.upright - 1]) for file in files]
+    degrees = [
+        int(options.orientation) if options.orientation != "auto" else 90 * (image.columns > image.rows)
+        for image in upright
     ]
-    if any(isinstance(image, WithoutBorder) for image in images):
+    whole = [turned(image, CLOCKWISE[each]) for image, each in zip(upright, degrees, strict=True)]
+    images = [without_border(image) for image in whole]
+    if any(one is not other for one, other in zip(images, whole, strict=True)):
         notes.append("a border beside the film was found and overlaid")
     if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
-        images = [Inverted(image) for image in images]
+        images = [inverted(image) for image in images]
         notes += ["lines are light on dark film"] * (options.lines == "auto")
     scale, image = _scale(files, options, notes), images[0]
     if len(images) > 1:
@@ -146,14 +140,6 @@ def open_scan(
 
         image = join(images, named)
     return OpenScan(image, scale, named, tuple(notes), degrees[0], options.orientation != "auto")
-
-
-def _degrees(file: ImageFile, options: ScanOptions) -> int:
-    """By how much the upright image is turned clockwise, so that its rows run with time."""
-    if options.orientation != "auto":
-        return int(options.orientation)
-    transposed = UPRIGHT[file.upright].transposed
-    return 90 if (file.rows > file.columns if transposed else file.columns > file.rows) else 0
 
 
 def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -> float | None:

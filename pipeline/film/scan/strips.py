@@ -10,7 +10,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,8 +53,7 @@ class Placement(NamedTuple):
         return self.match >= LEAST_MATCH and 1.0 - self.second >= LEAST_LEAD * (1.0 - self.match)
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """A strip in the frame of the film, which is the first strip's."""
 
     image: Image
@@ -62,37 +61,9 @@ class Part:
     turn: float
     first: int  # row of the film from which on it is read
 
-    def fill(self, first: int, wanted: Pixels) -> None:
-        """Rows of the film from `first` on."""
-        begin, tilt = (first - self.offset) * cmath.exp(1j * self.turn), abs(self.turn) * wanted.shape[1]
-        low = min(max(0, math.floor(begin.real - tilt) - MARGIN), self.image.rows - 1)
-        high = min(self.image.rows, math.ceil(begin.real + wanted.shape[0] + tilt) + MARGIN)
-        source, top = self.image.read(low, max(high, low + 1)), float(self.image.full_scale)
-        resample(source, wanted, begin.real - low, begin.imag, math.cos(self.turn), math.sin(self.turn), top)
 
-
-@dataclass
-class Joined(Image):
-    """Strips as one image, as wide as the first."""
-
-    parts: tuple[Part, ...]
-    rows: int
-
-    def __post_init__(self) -> None:
-        self.columns, self.full_scale = self.parts[0].image.columns, self.parts[0].image.full_scale
-
-    def read(self, first: int, stop: int) -> Pixels:
-        """Rows `first` to `stop`."""
-        pixels = np.empty((stop - first, self.columns), dtype=np.uint8 if self.full_scale == 255 else np.uint16)
-        ends = [*(part.first for part in self.parts[1:]), self.rows]
-        for part, end in zip(self.parts, ends, strict=True):
-            for a in range(max(first, part.first), min(stop, end), CHUNK):
-                part.fill(a, pixels[a - first : min(a + CHUNK, stop, end) - first])
-        return pixels
-
-
-def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
-    """Lay strips on each other.
+def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
+    """Lay strips on each other: one image, as wide as the first.
 
     Raises
     ------
@@ -118,8 +89,26 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Joined:
             offset, turn = whole, 0.0
         seam = math.ceil(0.5 * (offset.real + before.offset.real + before.image.rows))
         parts.append(Part(images[number], offset, turn, max(before.first + 1, seam)))
-    end = parts[-1].offset.real + parts[-1].image.rows + min(0.0, parts[-1].turn * images[0].columns)
-    return Joined(tuple(parts), math.floor(end))
+    rows = math.floor(parts[-1].offset.real + images[-1].rows + min(0.0, parts[-1].turn * images[0].columns))
+    kind = np.uint8 if images[0].full_scale == 255 else np.uint16
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.empty((stop - first, images[0].columns), dtype=kind)
+        for part, end in zip(parts, [*(part.first for part in parts[1:]), rows], strict=True):
+            for a in range(max(first, part.first), min(stop, end), CHUNK):
+                fill(part, a, pixels[a - first : min(a + CHUNK, stop, end) - first])
+        return pixels
+
+    return replace(images[0], rows=rows, read=read)
+
+
+def fill(part: Part, first: int, wanted: Pixels) -> None:
+    """Rows of the film from `first` on, of one strip."""
+    begin, tilt = (first - part.offset) * cmath.exp(1j * part.turn), abs(part.turn) * wanted.shape[1]
+    low = min(max(0, math.floor(begin.real - tilt) - MARGIN), part.image.rows - 1)
+    high = min(part.image.rows, math.ceil(begin.real + wanted.shape[0] + tilt) + MARGIN)
+    source, top = part.image.read(low, max(high, low + 1)), float(part.image.full_scale)
+    resample(source, wanted, begin.real - low, begin.imag, math.cos(part.turn), math.sin(part.turn), top)
 
 
 @kernel
@@ -243,8 +232,8 @@ def align(before: Image, strip: Image, offset: complex, widths: Sequence[float],
             if np.abs(step * (1.0, 1.0, max(rows, columns))).max() < CONVERGED:
                 break
     # from turning about the middle of the compared part to turning about the strip's first pixel
-    row, column = shift_row + start - first - turn * middle_column, shift_column + turn * (middle_row + first)
-    return Placement(complex(row, column), float(turn), match)
+    place = complex(shift_row + start - first - turn * middle_column, shift_column + turn * (middle_row + first))
+    return Placement(place, float(turn), match)
 
 
 def _levelled(pixels: Pixels) -> Floats:

@@ -11,7 +11,7 @@ fitted to some blocks, twice: the first time with a curve guessed from the darke
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,19 +19,28 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, plain_emulsion, shown_darkness
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Tracks
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.strobe.dense_kernels import CUBIC, NODES, SIZE, Known, draw_curve, fit_block, node_table, values
-from pipeline.film.strobe.dense_survey import Survey, faintest, first_shapes, light_of, saturation, survey
+from pipeline.film.strobe.dense_kernels import (
+    CUBIC,
+    NODES,
+    SIZE,
+    Known,
+    draw_curve,
+    first_shapes,
+    fit_block,
+    node_table,
+    values,
+)
+from pipeline.film.strobe.dense_survey import Survey, faintest, light_of, saturation, survey
 
 APART = 1.0  # spots across the line, by which two blocks may differ in the middle between them
 BETWEEN = 9  # places at which they are compared
 GAP, LOST = 1, 32  # of the record's flags
 PIECE = 1024  # rows read at once
-BESIDE = 0.5  # of a band's width on either side, in which its light is searched
 ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 ROUNDS = 3
 LIT, DIM = 0.5, 0.06  # share of points lit, and light over the rows', from which a block is believed
@@ -39,6 +48,7 @@ SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
 RETRIES = 3  # from the neighbours' swing
 AROUND = 10  # blocks on either side that give the usual swing
+SWING = [CUBIC, CUBIC + 3]  # of a shape: cosine and sine in the block's middle
 LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 PLACES, RUN = 10, 3  # runs of blocks to which the curve is fitted, spread over the film, and blocks in each
@@ -52,22 +62,6 @@ SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is estimated
 
 
-@dataclass(frozen=True)
-class Blocks:
-    """Curves of all traces, block by block."""
-
-    middle: Floats  # (blocks,), rows
-    shape: Floats  # (traces, blocks, SIZE)
-    light: Floats  # (traces, blocks), of the line; 0 where the block is not believed
-    period: float  # rows in a swing, by which blocks reach to either side of their middles
-
-    @staticmethod
-    def empty(traces: int, rows: int, period: float) -> Blocks:
-        """Blocks over a film of which nothing is known yet."""
-        middle: Floats = np.asarray((np.arange(int(rows / period - 0.4)) + 0.7) * period, dtype=np.float64)
-        return Blocks(middle, np.zeros((traces, middle.size, SIZE)), np.zeros((traces, middle.size)), period)
-
-
 def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
     """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
 
@@ -76,22 +70,20 @@ def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Track
     RefusedError
         No swinging band was found, fewer than were expected, or most of one cannot be followed.
     """
-    spot = spot_of(scan)
-    bands = survey(scan, emulsion, count)
-    blocks = Blocks.empty(len(bands.bands), scan.rows, bands.period)
-    follow(scan, emulsion, bands, spot, blocks)
-    for band, light in zip(bands.bands, blocks.light, strict=True):
+    found, spot = survey(scan, emulsion, count), spot_of(scan)
+    middle = block_middles(scan.rows, found.period)
+    shapes, lights = follow(scan, emulsion, found, middle)
+    for (left, right), light in zip(found.bands, lights, strict=True):
         share = float((light > 0.0).mean())
         if share < LEAST_READ:
             raise RefusedError(
-                f"film: the swings in columns {band.left} to {band.right} can be followed over {100.0 * share:.0f} % "
+                f"film: the swings in columns {left} to {right} can be followed over {100.0 * share:.0f} % "
                 f"of the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
             )
-    tracks = Tracks.empty(len(blocks.shape), scan.rows, blocks.period, spot)
-    for k, shape in enumerate(blocks.shape):
-        kept = joined(shape, blocks.light[k], blocks.period, spot)
+    tracks = Tracks.empty(len(shapes), scan.rows, found.period, spot)
+    for k, (shape, light) in enumerate(zip(shapes, lights, strict=True)):
         tracks.course[k], tracks.slope[k], tracks.curvature[k], tracks.brightness[k] = blended(
-            blocks.middle, shape, kept, blocks.period, scan.rows
+            middle, shape, joined(shape, light, found.period, spot), found.period, scan.rows
         )
     tracks.qc[:] = np.where(np.isfinite(tracks.course), GAP, LOST)
     return tracks
@@ -102,36 +94,33 @@ def spot_of(scan: OpenScan) -> float:
     return USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
 
 
-def windows(bands: Survey, columns: int) -> list[tuple[int, int]]:
-    """Columns in which the light of each band is searched: half way to the next band at most."""
-    half_way = [0, *((a.right + b.left) // 2 for a, b in pairwise(bands.bands)), columns]
-    room = [int(BESIDE * (band.right - band.left)) for band in bands.bands]
-    return [
-        (max(left, band.left - beside), min(right, band.right + beside))
-        for band, beside, (left, right) in zip(bands.bands, room, pairwise(half_way), strict=True)
-    ]
+def block_middles(rows: int, period: float) -> Floats:
+    """Middle rows of the blocks of a film, each of which reaches a swing to either side."""
+    return np.asarray((np.arange(int(rows / period - 0.4)) + 0.7) * period, dtype=np.float64)
 
 
-def follow(scan: OpenScan, emulsion: Emulsion, bands: Survey, spot: float, blocks: Blocks) -> None:
-    """Fit every block, piece by piece of the film, and overwrite its shape and light."""
-    period = bands.period
+def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, middle: Floats) -> tuple[Floats, Floats]:
+    """Curves (traces, blocks, SIZE) of blocks about the rows `middle`, and light of their lines; 0 if not believed."""
+    period, spot, windows = found.period, spot_of(scan), found.windows(scan.columns)
+    shapes, lights = np.zeros((len(windows), middle.size, SIZE)), np.zeros((len(windows), middle.size))
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
     brightest, table, least = saturation(emulsion), node_table(period, spot), faintest(emulsion)
     margin = int(period + 8.0 * spot) + 2
     for begin in range(0, scan.rows, PIECE):
-        here = np.flatnonzero((blocks.middle >= begin) & (blocks.middle < begin + PIECE))
+        here = np.flatnonzero((middle >= begin) & (middle < begin + PIECE))
         if here.size == 0:
             continue
         first = max(begin - margin, 0)
         piece = exposed(scan, emulsion, first, min(begin + PIECE + margin, scan.rows))
-        for trace, (left, right) in enumerate(windows(bands, scan.columns)):
-            light, column = light_of(piece, left, right, least)
-            shapes, residual = first_shapes(light, column, first, blocks.middle[here], period, spot)
-            at = here[np.isfinite(residual)]
-            if at.size:
-                blocks.shape[trace, at] = shapes[np.isfinite(residual)]
+        for trace, window in enumerate(windows):
+            light, column = light_of(piece, *window, least)
+            start = first_shapes(light, column, first, middle[here], period, spot)
+            lit = np.isfinite(start[:, 0])
+            if lit.any():
                 known = Known(period, spot, line_light(light, spot), brightest, ROOM, table, canvas)
-                _fit(piece, first, blocks, trace, at, known)
+                at = here[lit]
+                shapes[trace, at], lights[trace, at] = fit_blocks(piece, first, start[lit], middle[at], known)
+    return shapes, lights
 
 
 def line_light(light: Floats, spot: float) -> float:
@@ -140,38 +129,29 @@ def line_light(light: Floats, spot: float) -> float:
     return float(np.median(lit) / (np.sqrt(2.0 * np.pi) * spot)) if lit.size else 1.0
 
 
-def _fit(
-    piece: NDArray[np.float32], first: int, blocks: Blocks, trace: int, at: NDArray[np.int64], known: Known
-) -> None:
-    """Fit blocks of one trace to a piece of film; those that do not swing as their neighbours do a second time."""
-    shapes, light = blocks.shape[trace], blocks.light[trace]
-
-    def fit(block: int) -> None:
-        tried = shapes[block].copy()
-        lit, share = fit_block(piece, first, tried, blocks.middle[block], known, ROUNDS)
-        swing = np.hypot(tried[CUBIC], tried[CUBIC + 3])
-        light[block] = 0.0
-        if share > LIT and lit > DIM * known.gain and swing > SMALLEST * known.spot:
-            shapes[block], light[block] = tried, lit
-
-    start = shapes[at].copy()
-    for block in at:
-        fit(int(block))
-    for turn in range(RETRIES + 1):
-        usual = usual_swing(shapes[at], light[at] > 0.0)
-        odd = unlike(shapes[at], usual) | (light[at] <= 0.0)
-        for k in np.flatnonzero(odd & np.isfinite(usual[:, 0])):
-            light[at[k]] = 0.0
-            if turn < RETRIES:
-                shapes[at[k]] = start[k]
-                shapes[at[k], CUBIC:] = 0.0
-                shapes[at[k], [CUBIC, CUBIC + 3]] = usual[k]
-                fit(int(at[k]))
+def fit_blocks(
+    piece: NDArray[np.float32], first: int, start: Floats, middle: Floats, known: Known
+) -> tuple[Floats, Floats]:
+    """Curves and lights of blocks of one trace; those that do not swing as their neighbours do are fitted again."""
+    shapes, light, guess = start.copy(), np.zeros(middle.size), start.copy()
+    again = np.arange(middle.size)
+    for _ in range(RETRIES + 1):
+        for k in again:
+            tried = guess[k].copy()
+            lit, share = fit_block(piece, first, tried, middle[k], known, ROUNDS)
+            if share > LIT and lit > DIM * known.gain and np.hypot(*tried[SWING]) > SMALLEST * known.spot:
+                shapes[k], light[k] = tried, lit
+        usual = usual_swing(shapes, light > 0.0)
+        odd = unlike(shapes, usual) | (light <= 0.0)
+        again = np.flatnonzero(odd & np.isfinite(usual[:, 0]))
+        light[again], guess[:, CUBIC:] = 0.0, 0.0
+        guess[:, SWING] = usual
+    return shapes, light
 
 
 def usual_swing(shapes: Floats, good: NDArray[np.bool_]) -> Floats:
     """The swing of the good blocks around each, the middle one of them, (blocks, 2): cosine and sine, px."""
-    pair = np.where(good[:, None], shapes[:, [CUBIC, CUBIC + 3]], np.nan)
+    pair = np.where(good[:, None], shapes[:, SWING], np.nan)
     padded = np.pad(pair, ((AROUND, AROUND), (0, 0)), constant_values=np.nan)
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0)
     some = np.isfinite(around[:, 0]).sum(axis=1) >= 3
@@ -182,8 +162,7 @@ def usual_swing(shapes: Floats, good: NDArray[np.bool_]) -> Floats:
 
 def unlike(shapes: Floats, usual: Floats) -> NDArray[np.bool_]:
     """Which blocks swing otherwise than their neighbours."""
-    apart = np.hypot(*(shapes[:, [CUBIC, CUBIC + 3]] - usual).T)
-    return np.asarray(apart > ALIKE * np.hypot(*usual.T))
+    return np.asarray(np.hypot(*(shapes[:, SWING] - usual).T) > ALIKE * np.hypot(*usual.T))
 
 
 def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
@@ -210,8 +189,7 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
     bend = np.where(both, (6.0 - 12.0 * x) / period**2, 0.0)
     here, there = values(shape[first], at - middle[first], period), values(shape[second], at - middle[second], period)
     apart = there - here
-    lit = light[first] + weight * (light[second] - light[first])
-    out = np.stack([*(here + weight * apart), lit])
+    out = np.stack([*(here + weight * apart), light[first] + weight * (light[second] - light[first])])
     out[1] += lean * apart[0]
     out[2] += 2.0 * lean * apart[1] + bend * apart[0]
     near = (known & (x <= 1.0)) | (next_known & (np.abs(at - middle[second]) <= period))
@@ -227,72 +205,53 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     RefusedError
         It shows no swinging bands, or others than were expected.
     """
-    spot = spot_of(scan)
-    emulsion = _guessed(scan)
-    bands = survey(scan, emulsion, count)
-    emulsion = _in_unit(scan, emulsion, bands, spot)
+    height = min(ROWS, scan.rows)
+    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1].tolist()
+    plain = plain_emulsion(scan)
+    # turning points of slow films are saturated: their darkest pixels suggest the curve's end
+    darkest = [np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE) for first in firsts]
+    least, blank = 3.0 * float(np.sqrt(plain.grain[0])), float(plain.grain[0])
+    emulsion = replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
+    found = survey(scan, emulsion, count)
+    for _ in range(UNIT_TURNS):  # exposure about 1 on the axis of a line at rest: a trace lights every row alike
+        gain = [
+            line_light(light_of(exposure, *window, faintest(emulsion))[0], spot_of(scan))
+            for exposure in (exposed(scan, emulsion, first, first + height) for first in firsts)
+            for window in found.windows(scan.columns)
+        ]
+        middle = emulsion.curve.middle / float(np.median(gain))
+        emulsion = replace(emulsion, curve=replace(emulsion.curve, middle=middle))
     for _ in range(TURNS):
-        light, dark = lights(scan, emulsion, bands, spot)
+        light, dark = drawn_light(scan, emulsion, found)
         curve = fitted_curve(light, dark, emulsion.curve)
         if curve is None:
             break
-        blank = float(emulsion.grain[0])
-        growth = grain_growth(dark, curve.darkness(light), blank)
-        emulsion = replace(emulsion, curve=curve, grain=np.array([blank, growth]))
+        grain = np.array([blank, grain_growth(dark, curve.darkness(light), blank)])
+        emulsion = replace(emulsion, curve=curve, grain=grain)
     return emulsion
 
 
-def _guessed(scan: OpenScan) -> FilmEmulsion:
-    """The emulsion as the darkest pixels of some sections suggest it: turning points of slow films are saturated."""
-    plain = plain_emulsion(scan)
-    darkest = [float(np.quantile(shown_darkness(plain, scan, *each), 1.0 - SHARE)) for each in _pieces(scan)]
-    least = 3.0 * float(np.sqrt(plain.grain[0]))
-    return replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
-
-
-def _pieces(scan: OpenScan) -> list[tuple[int, int]]:
-    """First rows, and those behind the last, of some pieces."""
-    height = min(ROWS, scan.rows)
-    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1]
-    return [(int(first), int(first) + height) for first in firsts]
-
-
-def _in_unit(scan: OpenScan, emulsion: FilmEmulsion, bands: Survey, spot: float) -> FilmEmulsion:
-    """The same, with about 1 as the exposure on the axis of a line at rest: every row of a trace has the same light."""
-    for _ in range(UNIT_TURNS):
-        gain = [
-            line_light(light_of(exposure, left, right, faintest(emulsion))[0], spot)
-            for exposure in (exposed(scan, emulsion, *piece) for piece in _pieces(scan))
-            for left, right in windows(bands, scan.columns)
-        ]
-        curve = emulsion.curve
-        emulsion = replace(emulsion, curve=replace(curve, middle=curve.middle / float(np.median(gain))))
-    return emulsion
-
-
-def lights(scan: OpenScan, emulsion: FilmEmulsion, bands: Survey, spot: float) -> tuple[Floats, Floats]:
-    """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness."""
-    whole = Blocks.empty(len(bands.bands), scan.rows, bands.period)
-    firsts = np.linspace(0, max(whole.middle.size - RUN, 0), PLACES).astype(int)
-    at = np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.middle.size - 1))
-    blocks = Blocks(whole.middle[at], whole.shape[:, at], whole.light[:, at], bands.period)
-    follow(scan, emulsion, bands, spot, blocks)
-    table, node, rows = node_table(bands.period, spot), bands.period / NODES, int(bands.period)
+def drawn_light(scan: OpenScan, emulsion: FilmEmulsion, found: Survey) -> Floats:
+    """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness, (2, n)."""
+    period, spot = found.period, spot_of(scan)
+    whole = block_middles(scan.rows, period)
+    firsts = np.linspace(0, max(whole.size - RUN, 0), PLACES).astype(int)
+    middle = whole[np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.size - 1))]
+    shapes, lights = follow(scan, emulsion, found, middle)
+    table, node, rows = node_table(period, spot), period / NODES, int(period)
     canvas, pixels = np.empty((rows, scan.columns)), [np.empty((2, 0))]
-    for trace, (left, right) in enumerate(windows(bands, scan.columns)):
-        good = np.flatnonzero(blocks.light[trace] > 0.0)
-        usual = float(np.median(blocks.light[trace, good])) if good.size else 1.0
-        for block in good:
-            top = round(blocks.middle[block] - 0.5 * rows)
-            course, slope = table @ blocks.shape[trace, block]
-            begin = blocks.middle[block] - 0.5 * (course.size - 1) * node - top
+    for trace, (left, right) in enumerate(found.windows(scan.columns)):
+        usual = median_present(np.where(lights[trace] > 0.0, lights[trace], np.nan))
+        for block in np.flatnonzero(lights[trace] > 0.0):
+            top = round(middle[block] - 0.5 * rows)
+            course, slope = table @ shapes[trace, block]
+            begin = middle[block] - 0.5 * (course.size - 1) * node - top
             draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
-            drawn = blocks.light[trace, block] / usual * canvas[:, left:right]
+            drawn = lights[trace, block] / usual * canvas[:, left:right]
             lit = drawn > FAINTEST * drawn.max()
             dark = shown_darkness(emulsion, scan, top, top + rows)[:, left:right]
             pixels.append(np.stack([drawn[lit], dark[lit]]))
-    light, dark = np.concatenate(pixels, axis=1)
-    return light, dark
+    return np.concatenate(pixels, axis=1)
 
 
 def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | None:
@@ -306,8 +265,7 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
         return None
     lit, shade = (np.array([np.median(each[place == step]) for step in full]) for each in (light, dark))
     # the unit of the light is another one than the guess had: where darkness is half of the darkest
-    half = float(np.interp(0.5 * guess.darkest, shade, lit))
-    start = np.log([guess.darkest, half, guess.contrast])
+    start = np.log([guess.darkest, np.interp(0.5 * guess.darkest, shade, lit), guess.contrast])
 
     def pulls(at: Floats) -> Floats:
         away = (shade - ToneCurve(*np.exp(at)).darkness(lit)) / (SURE * (shade + guess.darkest))

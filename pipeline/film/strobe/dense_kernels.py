@@ -3,7 +3,8 @@
 Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the
 block: drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes
 beside each other and all, and compared with the film; residuals at points along the curve give the line's distance to
-one side, and least squares a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian).
+one side, and least squares a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian). It begins
+from the mean places of the rows' light, which need no curve.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ EDGE = 6.0  # spots of a block's line that are drawn beyond its ends
 ACROSS, APART = 3, 0.6  # places to either side of the line, and spots between them
 DIMMEST, BRIGHTEST = 0.5, 1.7  # of the block's light, of a point that counts: gaps and dust do not
 FARTHEST = 2.0  # spots that a point may lie beside the line
+NOISE = 4.0  # px, 1 sigma of a row's mean place
+FREEDOM = np.array([1e3, 90.0, 45.0, 20.0, 1e3, 20.0, 5.0, 1e3, 20.0, 5.0])  # px: swell as large as the swing
+ROUNDS, FARTHEST_LIGHT = 4, 2.0  # NOISE or usual residuals, of a row that counts in full
+DARK = 0.3  # of the usual light of a row, below which it shows nothing
 
 
 def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Floats:
@@ -46,6 +51,33 @@ def values(shape: Floats, away: NDArray[np.floating[Any]], half: float) -> Float
             (2.0 * p2 + 6.0 * x * p3) / half**2 + ((ddz + 2j * turn * dz - turn**2 * z) * rotation).real,
         ]
     )
+
+
+def first_shapes(light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float) -> Floats:
+    """Curves (blocks, SIZE) about the rows `middles`, by `light_of` the rows from `first` on; NaN with too few lit."""
+    turn, count = 2.0 * np.pi / period, int(np.ceil(2.0 * period))
+    at = np.round(middles - period).astype(np.int64)[:, None] - first + np.arange(count)
+    inside = (at >= 0) & (at < light.size)
+    at = np.clip(at, 0, light.size - 1)
+    shown = np.where(inside & np.isfinite(column[at]), light[at], 0.0)
+    usual = np.median(shown, axis=1, keepdims=True)
+    trust = np.where((shown > DARK * usual) & (usual > 0.0), 1.0, 0.0)
+    value = np.nan_to_num(column[at])
+    level = np.sum(trust * value, axis=1) / np.maximum(trust.sum(axis=1), 1.0)
+    value -= level[:, None]
+    design = np.moveaxis(values(np.eye(SIZE)[:, None, None], at + first + 0.5 - middles[:, None], period)[0], 0, -1)
+    shapes, weight = np.empty(0), trust
+    for _ in range(ROUNDS):
+        weighed = np.swapaxes(design * weight[:, :, None], 1, 2)
+        shapes = np.linalg.solve(weighed @ design + np.diag((NOISE / FREEDOM) ** 2), weighed @ value[:, :, None])
+        distance = np.abs((design @ shapes)[:, :, 0] - value)
+        limit = FARTHEST_LIGHT * np.maximum(1.4826 * np.median(distance, axis=1), NOISE)[:, None]
+        weight = trust * np.minimum(1.0, limit / np.maximum(distance, 1e-9)) ** 2
+    shapes = shapes[:, :, 0]
+    shapes[:, 0] += level
+    shapes[:, CUBIC:] *= np.exp(0.5 * (turn * spot) ** 2)  # the spot blurs the swing
+    shapes[trust.sum(axis=1) < 0.7 * count] = np.nan
+    return shapes
 
 
 def node_table(half: float, spot: float) -> Floats:

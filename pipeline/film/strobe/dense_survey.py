@@ -7,26 +7,22 @@ trace's own place, blurred by the spot, though a row may show two strokes and tw
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import find_objects, label, uniform_filter1d
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, row_means_present
 from pipeline.film.marks.pieces import exposed
+from pipeline.film.marks.search import commonest
 from pipeline.film.parts import Emulsion
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, values
 
 SHADE = 3.0  # sigmas of the grain, from which a pixel is light
-ROOM = np.array([1e3, 90.0, 45.0, 20.0, 1e3, 20.0, 5.0, 1e3, 20.0, 5.0])  # px, of a shape: swell as large as the swing
-NOISE = 4.0  # px, 1 sigma of a row's mean place
-ROUNDS = 4
-FARTHEST = 2.0  # NOISE or usual residuals, of a row that counts in full
 BRIGHTEST = 0.1  # exposure that counts: turning points are saturated, and the curve does not give their light
-DARK = 0.3  # of the usual light of a row, below which it shows nothing
 KNOWN, GUESSED = 0.3, 1.0  # of an exposure, 1 sigma of a pixel's grain up to which it is known, and at all believed
 HIDDEN = 1e3  # 1 sigma of what is not known
 SWINGS = 24  # of a section, about
@@ -36,7 +32,9 @@ AGREE = 0.04  # of the rows in a swing, by which sections may differ: the paper'
 MOST = 0.5  # of the sections that show bands, at least, that must agree
 LEAST_LIGHT = 0.25  # of the share of lit pixels in the midst of bands, at their edges
 NARROWEST = 12  # columns
+BESIDE = 0.5  # of a band's width on either side, in which its light is searched
 SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
+Columns = tuple[int, int]  # First column, and the one behind the last
 
 
 def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
@@ -50,41 +48,6 @@ def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float)
     columns = (np.arange(left, right) + 0.5).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         return light, np.where(light > 0.0, (lit @ columns) / light, np.nan)
-
-
-def first_shapes(
-    light: Floats, column: Floats, first: int, middles: Floats, period: float, spot: float
-) -> tuple[Floats, Floats]:
-    """Curves (blocks, SIZE) around the rows `middles`, by `light_of` the rows from `first` on, and residuals (blocks,).
-
-    The residual is the usual distance of the rows' light from the curve, px; NaN where too few rows show light.
-    """
-    turn, count = 2.0 * np.pi / period, int(np.ceil(2.0 * period))
-    at = np.round(middles - period).astype(np.int64)[:, None] - first + np.arange(count)
-    inside = (at >= 0) & (at < light.size)
-    at = np.clip(at, 0, light.size - 1)
-    shown = np.where(inside & np.isfinite(column[at]), light[at], 0.0)
-    usual = np.median(shown, axis=1, keepdims=True)
-    trust = np.where((shown > DARK * usual) & (usual > 0.0), 1.0, 0.0)
-    value = np.nan_to_num(column[at])
-    level = np.sum(trust * value, axis=1) / np.maximum(trust.sum(axis=1), 1.0)
-    away = at + first + 0.5 - middles[:, None]
-    design = np.moveaxis(values(np.eye(SIZE)[:, None, None], away, period)[0], 0, -1)
-    shapes, residual = np.zeros((middles.size, SIZE)), np.zeros(middles.size)
-    weight = trust
-    for _ in range(ROUNDS):
-        weighed = design * weight[:, :, None]
-        normal = np.swapaxes(weighed, 1, 2) @ design + np.diag((NOISE / ROOM) ** 2)
-        right = np.swapaxes(weighed, 1, 2) @ (value - level[:, None])[:, :, None]
-        shapes = np.linalg.solve(normal, right)[:, :, 0]
-        distance = np.abs((design @ shapes[:, :, None])[:, :, 0] - value + level[:, None])
-        residual = 1.4826 * np.median(distance, axis=1)
-        limit = FARTHEST * np.maximum(residual, NOISE)[:, None]
-        weight = trust * np.minimum(1.0, limit / np.maximum(distance, 1e-9)) ** 2
-    shapes[:, 0] += level
-    shapes[:, CUBIC:] *= np.exp(0.5 * (turn * spot) ** 2)  # the spot blurs the swing
-    few = trust.sum(axis=1) < 0.7 * count
-    return shapes, np.where(few, np.nan, residual)
 
 
 def faintest(emulsion: Emulsion) -> float:
@@ -122,18 +85,20 @@ class Saturated:
         return np.where(np.asarray(exposure) > self.known, np.float32(HIDDEN), sigma)
 
 
-class Band(NamedTuple):
-    """Columns of a band of swings."""
-
-    left: int
-    right: int
-
-
 class Survey(NamedTuple):
     """Bands of a slow film from left to right, and the rows in a swing."""
 
-    bands: tuple[Band, ...]
+    bands: tuple[Columns, ...]
     period: float
+
+    def windows(self, columns: int) -> list[Columns]:
+        """Columns in which the light of each band is searched: half way to the next band at most."""
+        half_way = [0, *((a + b) // 2 for (_, a), (b, _) in pairwise(self.bands)), columns]
+        room = [int(BESIDE * (right - left)) for left, right in self.bands]
+        return [
+            (max(first, left - beside), min(last, right + beside))
+            for (left, right), beside, (first, last) in zip(self.bands, room, pairwise(half_way), strict=True)
+        ]
 
 
 def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
@@ -144,69 +109,56 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     RefusedError
         No swinging band was found, fewer than were expected, or the sections contradict each other.
     """
-    length = min(scan.rows, int(SWINGS * USUAL_SWING))
-    least = faintest(emulsion)
-    sections = []
-    for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]):
-        piece = exposed(scan, emulsion, int(begin), int(begin) + length)
-        here = bands(piece > least, count)
-        if here:
-            sections.append((here, rows_per_swing(piece, here, least)))
-    count = count or (int(np.median([len(here) for here, _ in sections])) if sections else 1)
-    whole = [(here, period) for here, period in sections if len(here) == count]
-    if len(whole) < MOST * len(sections) or not whole:
-        most = max((len(here) for here, _ in sections), default=0)
+    length, least = min(scan.rows, int(SWINGS * USUAL_SWING)), faintest(emulsion)
+    shown: list[list[Columns]] = []
+    periods: list[float] = []
+    for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]).tolist():
+        piece = exposed(scan, emulsion, begin, begin + length)
+        if here := bands(piece > least, count):
+            shown.append(here)
+            periods.append(rows_per_swing(piece, here, least))
+    numbers = [len(here) for here in shown]
+    count = count or int(np.median(numbers or [1]))
+    whole = np.array([here for here in shown if len(here) == count])
+    if len(whole) < max(1.0, MOST * len(shown)):
         raise RefusedError(
-            f"film: {most} swinging bands found, {count} expected; bands that lie over each other "
+            f"film: {max(numbers, default=0)} swinging bands found, {count} expected; bands that lie over each other "
             "cannot be told apart on a slow film: give the traces' number, or scan them one by one"
         )
-    edges = np.array([here for here, _ in whole])
-    together = zip(edges[:, :, 0].min(axis=0).tolist(), edges[:, :, 1].max(axis=0).tolist(), strict=True)
-    return Survey(tuple(Band(*each) for each in together), voted([period for _, period in sections]))
-
-
-def voted(periods: list[float]) -> float:
-    """The rows in a swing on which most sections agree; raises `RefusedError` where fewer than half of them do."""
-    ordered = np.sort(periods)
-    within = np.searchsorted(ordered, ordered * (1.0 + AGREE)) - np.arange(ordered.size)
-    start = int(np.argmax(within))
-    if within[start] < MOST * ordered.size:
+    edges = zip(whole[:, :, 0].min(axis=0).tolist(), whole[:, :, 1].max(axis=0).tolist(), strict=True)
+    agreeing = commonest(np.array(periods), 1.0 + AGREE)
+    if agreeing.size < MOST * len(periods):
         raise RefusedError(
-            f"film: sections disagree on the rows in a swing ({ordered[0]:.1f} to {ordered[-1]:.1f}); "
+            f"film: sections disagree on the rows in a swing ({min(periods):.1f} to {max(periods):.1f}); "
             "cut the film where its speed changes and read the parts one by one"
         )
-    return float(np.median(ordered[start : start + within[start]]))
+    return Survey(tuple(edges), float(np.median(agreeing)))
 
 
-def bands(lit: NDArray[np.bool_], count: int | None) -> list[Band]:
+def bands(lit: NDArray[np.bool_], count: int | None) -> list[Columns]:
     """Bands of columns in which pixels of a piece of film are lit, the `count` most lit ones, from left to right."""
     # shares, not light: in the midst of a band strokes are faint, but there are as many
     profile = uniform_filter1d(lit.mean(axis=0), 7, mode="constant")
     if not profile.max() > 0.0:
         return []
     inside = profile > LEAST_LIGHT * np.percentile(profile[profile > 0.1 * profile.max()], 50)
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
-    found: list[Band] = []
-    for left, right in zip(edge[::2], edge[1::2], strict=True):
-        if found and left - found[-1].right < NARROWEST // 2:
-            found[-1] = Band(found[-1].left, int(right))
-        else:
-            found.append(Band(int(left), int(right)))
-    found = [band for band in found if band.right - band.left >= NARROWEST]
-    return sorted(sorted(found, key=lambda band: -float(profile[band.left : band.right].sum()))[:count])
+    for (dark,) in find_objects(label(~inside)[0]):
+        inside[dark] = dark.stop - dark.start < NARROWEST // 2 and dark.start > 0 and dark.stop < inside.size
+    runs = [(each.start, each.stop) for (each,) in find_objects(label(inside)[0])]
+    wide = [(left, right) for left, right in runs if right - left >= NARROWEST]
+    return sorted(sorted(wide, key=lambda band: -float(profile[slice(*band)].sum()))[:count])
 
 
-def rows_per_swing(exposure: NDArray[np.float32], found: list[Band], least: float) -> float:
+def rows_per_swing(exposure: NDArray[np.float32], found: list[Columns], least: float) -> float:
     """Rows in one swing, by the strongest line of all bands' mean places; swell, which is slower, weighs less."""
     size = 8 * exposure.shape[0]
     frequency = np.fft.rfftfreq(size)
     power = np.zeros(frequency.size)
-    for band in found:
-        _, series = light_of(exposure, band.left, band.right, least)
+    for left, right in found:
+        _, series = light_of(exposure, left, right, least)
         series = np.where(np.isfinite(series), series, row_means_present(series[None])[0])
         power += np.abs(np.fft.rfft((series - series.mean()) * np.hanning(series.size), size)) ** 2
     inside = (frequency > 1.0 / LONGEST) & (frequency < 1.0 / SHORTEST)
-    weighed: Floats = np.where(inside, power * frequency**2, 0.0)
-    top = int(np.argmax(weighed))
+    top = int(np.argmax(np.where(inside, power * frequency**2, 0.0)))
     a, b, c = np.log(np.maximum(power[top - 1 : top + 2], 1e-300))
     return float(size / (top + 0.5 * (a - c) / (a - 2.0 * b + c)))

@@ -55,10 +55,8 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     usual = learned_width(scan, emulsion, tracks)
     pace = np.gradient(row, index * axis.interval)
     pace /= np.median(pace)
-    where = np.full((len(tracks.course), index.size), np.nan)
-    lean = np.full_like(where, np.nan)
-    for k in range(len(where)):
-        where[k], lean[k] = _on_trace(tracks, k, row + axis.offset[k], axis.shear)
+    met = [_on_trace(tracks, k, row + late, axis.shear) for k, late in enumerate(axis.offset)]
+    where, lean = np.array(met).transpose(1, 0, 2)
     width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
     lateral = LATERAL if read_by_rows(tracks) else DENSE_LATERAL
 
@@ -91,19 +89,16 @@ def _strobe(
     gaps: Gaps,
 ) -> Strobe:  # fmt: skip
     """Places of the gaps that are certain, and flags of the others."""
-    position, sigma = np.full(where.shape, np.nan), np.full(where.shape, np.nan)
+    position, sigma = np.full((2, *where.shape), np.nan)
     qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
-    fit = np.isfinite(gaps.row)
-    certain = fit & (gaps.depth_sigma < UNCERTAIN)
+    certain = np.isfinite(gaps.row) & (gaps.depth_sigma < UNCERTAIN)
     closed = certain & (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
     closed &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
     # a false gap beside a mark that was never made is no mark
     near = np.abs(gaps.row - where[trace, mark]) < CERTAIN * np.hypot(gaps.row_sigma, FLOOR) + FLOOR
-    clean = (gaps.misfit < MOST_MISFIT) & near
-    crossed = _crossed(tracks, trace, where[trace, mark])
-    good = closed & clean
-    doubt = np.where(good, 0, np.where(~certain & crossed, OVERLAP, np.where(certain & closed, AMBIGUOUS, GAP)))
-    qc[trace, mark] = doubt
+    good = closed & (gaps.misfit < MOST_MISFIT) & near
+    hidden = ~certain & _crossed(tracks, trace, where[trace, mark])
+    qc[trace, mark] = np.select([good, hidden, closed], [0, OVERLAP, AMBIGUOUS], GAP)
     position[trace[good], mark[good]] = gaps.column[good]
     bend = bends(tracks, gaps.pick(good))[trace[good]] / np.sqrt(1.0 + gaps.slope[good] ** 2)
     sigma[trace[good], mark[good]] = np.hypot(gaps.column_sigma[good], bend)
@@ -135,11 +130,9 @@ def bends(tracks: Tracks, gaps: Gaps) -> Floats:
 
 def _crossed(tracks: Tracks, trace: NDArray[np.int64], row: Floats) -> NDArray[np.bool_]:
     """Whether another trace's line passes near a place of a trace."""
-    near = np.clip(np.nan_to_num(row, nan=0.0).astype(np.int64), 0, tracks.course.shape[1] - 1)
-    own, lean = tracks.course[trace, near], tracks.slope[trace, near]
-    out = np.zeros(trace.size, dtype=bool)
-    for other in range(len(tracks.course)):
-        away = np.abs(tracks.course[other, near] - own)
-        steep = np.sqrt(1.0 + np.maximum(np.abs(lean), np.abs(tracks.slope[other, near])) ** 2)
-        out |= (other != trace) & (away < CROSSING * tracks.spot * steep)
-    return out
+    near, each = np.clip(np.nan_to_num(row).astype(np.int64), 0, tracks.course.shape[1] - 1), np.arange(trace.size)
+    course, lean = tracks.course[:, near], np.abs(tracks.slope[:, near])
+    steep = np.sqrt(1.0 + np.maximum(lean, lean[trace, each]) ** 2)
+    beside = np.abs(course - course[trace, each]) < CROSSING * tracks.spot * steep
+    beside[trace, each] = False
+    return np.asarray(beside.any(axis=0))

@@ -21,7 +21,7 @@ from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.row_reading import lit_columns
-from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.section import Section, follow_from, read_section
 from pipeline.film.tracking.seeding import find_swings, spot_size
 from synth.kernels.compiled import kernel
 
@@ -37,6 +37,7 @@ LACKING = 0.9
 ALIKE_ROWS = 61  # rows of like slope, about, that say how bright a line seems there
 LEAST_ROWS, MOST_ROWS = 40, 260
 ROUNDS, SETTLED, HUBER = 20, 0.1, 3.0  # chi square of a step that ends them
+MOST_BLUR = 0.08  # px2, half the variance of a scanner's blur: grain that is alike farther is the film's
 USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
 PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
 SHEAR_SWINGS = 1.5
@@ -46,12 +47,16 @@ Darkness = Callable[[int, int], NDArray[np.float32]]
 def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film, grain, characteristic curve and spot, from strips spread over the film, dark lines on light."""
     plain = plain_emulsion(scan)
-    probed = probe(partial(shown_darkness, plain, scan), scan.rows, float(np.sqrt(plain.grain[0])))
+    clumps, blurred = clumps_of(scan, plain)
+    # of white grain that was blurred a little, pixels beside each other share twice the blur's half variance
+    sharp = replace(plain, blur=min(0.5 * float(clumps[1:2].sum()), MOST_BLUR))
+    clumps, variance = clumps_of(scan, sharp)
+    sharp = replace(sharp, clumps=clumps, grain=plain.grain * (variance / blurred))
+    probed = probe(partial(shown_darkness, sharp, scan), scan.rows, float(np.sqrt(sharp.grain[0])))
     if probed is None:
-        return plain
-    _, optics = probed
-    clumps = clumps_of(scan, plain)
-    return FilmEmulsion(scan.full_scale, plain.blank, optics.curve, optics.grain, optics.spot, clumps)
+        return sharp
+    section, optics = probed
+    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot, swing=section.period)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
@@ -76,9 +81,13 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
 
 
 def probe(
-    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None
-) -> tuple[Section, Optics] | None:
-    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film."""
+    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None,
+    period: float | None = None,
+) -> tuple[Section, Optics] | None:  # fmt: skip
+    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film.
+
+    `period` is the length of a swing in rows, where it is known.
+    """
     height = FIRST_ROWS
     while True:
         tried: list[tuple[int, int]] = []
@@ -89,7 +98,7 @@ def probe(
                 break
             piece = darkness(first, stop)
             guess = optics or first_optics(piece, sigma)
-            one = _read_askew(piece, first, guess, read[0][0].period if read else None, count)
+            one = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
             tried.append((first, stop))
             read += [] if one is None else [one]
         if read:
@@ -121,8 +130,8 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         if not fixed:
             optics = calibrate(section, optics)
         again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
-        if again is None:
-            break
+        if again is None or len(again.swings) < len(section.swings):
+            again = follow_from(section.swings, section.darkness, section.first, section.begin, optics, 1.0)
         section = again
         if (fixed and turn == 1) or _alike(before, optics):
             break

@@ -265,7 +265,7 @@ def follow_traces(
     """
     given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
     darkness = partial(shown_darkness, emulsion, scan)
-    probed = probe(darkness, scan.rows, float(np.sqrt(emulsion.grain[0])), count, given)
+    probed = probe(darkness, scan.rows, float(np.sqrt(emulsion.grain[0])), count, given, emulsion.swing or None)
     if probed is None:
         raise RefusedError(NOTHING)
     section, optics = probed

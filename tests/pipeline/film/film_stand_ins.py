@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.film.normal_points import normal_points
 from pipeline.film.parts import Strobe, TimeAxis, Tracks
 from pipeline.film.reading import Reading
-from pipeline.film.scan.files import WholeImage
+from pipeline.film.scan.files import in_memory
 from pipeline.film.scan.opening import OpenScan
 
 ROWS_PER_SECOND, INTERVAL, SCALE, LEVER = 60.0, 0.5, 25.4 / 300, 2000.0
@@ -77,7 +77,7 @@ def reading(
     strobe = Strobe(index, places, np.full(places.shape, noise or 0.1), np.zeros(places.shape, dtype=np.uint16))
     path = tmp_path / "night.film.tif"
     path.write_bytes(b"the image")
-    image = WholeImage(path, np.full((count, 1500), 220, dtype=np.uint8), None, 1)
+    image = in_memory(np.full((count, 1500), 220, dtype=np.uint8), path)
     scan = OpenScan(image, SCALE, (path,))
     between = normal_points(tracks, axis, 25.0)
     from pipeline.film.comparing import compare

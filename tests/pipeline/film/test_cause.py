@@ -12,7 +12,7 @@ import pytest
 from data_schemas.errors import RefusedError
 from pipeline.film.knowledge import Known
 from pipeline.film.reading import read_film
-from pipeline.film.scan.files import WholeImage
+from pipeline.film.scan.files import in_memory
 from pipeline.film.scan.opening import OpenScan, cause_in
 
 DPI = 25.4
@@ -35,7 +35,7 @@ def compressed(pixels: np.ndarray, quality: int) -> np.ndarray:
 
 def scan(pixels: np.ndarray, dpi: float = 300.0) -> OpenScan:
     path = Path("night.film.tif")
-    return OpenScan(WholeImage(path, np.round(pixels).astype(np.uint8), None, 1), DPI / dpi, (path,))
+    return OpenScan(in_memory(np.round(pixels).astype(np.uint8), path), DPI / dpi, (path,))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -71,7 +71,8 @@ def test_nothing_is_read_in_a_mask_and_all_is_beside_it(opened, plain):
     both = np.isfinite(found.tracks.position) & np.isfinite(plain.tracks.position)
     assert both[:, far].sum() > 0.99 * np.isfinite(plain.tracks.position[:, far]).sum()
     away = (found.tracks.position - plain.tracks.position) / plain.tracks.sigma
-    assert np.abs(away[both]).max() < 1.0
+    assert np.quantile(np.abs(away[both]), 0.999) < 0.5
+    assert np.abs(away[both]).max() < 4.0  # of one row the fit may weigh another pixel less
     times = np.abs(found.axis.seconds - plain.axis.seconds)
     assert np.nanmax(times[far]) < 1e-3
     assert np.nanmax(times / np.hypot(found.axis.seconds_sigma, plain.axis.seconds_sigma)) < 4.0

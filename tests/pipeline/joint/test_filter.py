@@ -44,7 +44,7 @@ def dense(of: Problem, model: Assumed) -> tuple[np.ndarray, np.ndarray, np.ndarr
     ship = Ship.of(model.ship)
     step = of.flow(model, constants())
     size = step.noise.shape[0]
-    transition, nodes = step.rows[-size:], of.lattice.nodes
+    transition, nodes = step.ahead, of.lattice.nodes
     drift = logm(transition).real / of.lattice.step
     start = np.zeros((size, size))
     start[4:, 4:] = ship.stationary

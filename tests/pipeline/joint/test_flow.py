@@ -107,7 +107,7 @@ def test_the_sea_vanishes_at_zero_frequency_as_the_fourth_power() -> None:
 def test_process_noise_keeps_the_stationary_covariance() -> None:
     ship = Ship.of(SHIP)
     step = flow(0.1, KAPPA, DAMPING, np.zeros(2), ship, gravity=1.0, sine=False)
-    transition = step.rows[-19:][4:, 4:]
+    transition = step.ahead[4:, 4:]
     again = transition @ ship.stationary @ transition.T + step.noise[4:, 4:]
     scale = np.sqrt(np.outer(np.diag(ship.stationary), np.diag(ship.stationary)))
     assert np.abs((again - ship.stationary) / scale).max() < 1e-8
@@ -162,10 +162,8 @@ def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
     about = np.ascontiguousarray(np.concatenate([done(np.array([0.0, step])), ship]).T)
     angle, across = done(NODES * step)[0], size * np.sin(turning * NODES * step)
     exact = -kappa[0] * (np.sin(angle) - angle + across * (np.cos(angle) - 1.0))
-    steps, ends = remainder.room_for(one, 0, 1), remainder.ends_of(one)
-    between = one.rows.shape[0] - ends.shape[1]
-    rows, ahead = one.rows[:between].copy(), one.rows[between:].copy()
-    filtering.follow(about, 0, rows, ends, ends @ ahead, np.zeros((2, ends.shape[1])), steps)
+    steps = remainder.room_for(one, 0, 1)
+    filtering.follow(one, about, 0, np.zeros((2, one.ends.shape[1])), steps)
     remainder.collocate(one, False, 1, steps)
     faded = np.abs(steps.rest[0, remainder.LEFT, :, 0] - exact).max()
     remainder.join_ends(one, 1, steps)

@@ -18,9 +18,9 @@ from pipeline.benchmarks.honesty.kinds import Case
 from pipeline.benchmarks.honesty.records import of_case
 from pipeline.benchmarks.honesty.records import record as honesty_record
 from pipeline.joint import choice
-from pipeline.joint.cold_start import Begun
 from pipeline.joint.gather import gather
 from pipeline.joint.outliers import isolated
+from pipeline.joint.start import cold_starts
 
 GRAVITY = 9.8123
 
@@ -220,8 +220,8 @@ def test_a_trace_that_is_shaken_all_along_is_not_taken_for_wild() -> None:
         {"kind": "harmonics", "amplitude": [0.05, 0.03, 0.12], "period": [9.0, 7.0, 1.0 / 3.0]},
     ]
     made, gravity = record(motion=motion, recording={"sampling_rate": 25, "vertical_acceleration": False})
-    begun = Begun.of(gather(made), sine=True)[0]
-    assert np.isfinite(begun.rough.of.whitened).mean() > 0.99
+    rough = cold_starts(gather(made), sine=True)[0]
+    assert np.isfinite(rough.of.whitened).mean() > 0.99
     found = row(made)
     assert abs(in_sigmas(found, gravity)) < 3.5
     assert found["gravity_sigma_mgal"] < 0.3
@@ -282,10 +282,10 @@ def test_gravity_survives_what_feigns_another_record(kind: str, strength: str, s
 def test_one_wild_sample_is_told_from_a_knock_by_its_neighbours() -> None:
     spoiled, gravity = record()
     values = spoiled["record"]["elongation"].values
-    rough = Begun.of(gather(spoiled), sine=True)[0].rough
+    rough = cold_starts(gather(spoiled), sine=True)[0]
     assert not isolated(rough)
     values[0, 1500] += 0.01
-    assert isolated(Begun.of(gather(spoiled), sine=True)[0].rough)
+    assert isolated(cold_starts(gather(spoiled), sine=True)[0])
     assert abs(in_sigmas(row(spoiled), gravity)) < 3.5
 
 

@@ -10,7 +10,7 @@ from test_apparatus import changed
 from test_method import in_sigmas, record
 
 from pipeline import process, summaries
-from pipeline.joint import repeating
+from pipeline.joint import film_errors
 from pipeline.joint.fit import fitted
 from pipeline.joint.gather import gather
 
@@ -46,7 +46,7 @@ def test_they_are_taken_off_and_leave_gravity() -> None:
 
 def test_their_size_is_what_was_added() -> None:
     made, _ = record(recording=RATE, motion=[], duration=900.0)
-    fit = repeating.corrected(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    fit = film_errors.without_repeating(fitted(gather(with_harmonics(made, 6e-7)))[0])
     expected = 6e-7 * np.sqrt(0.5 * (1.0 + 1.0 + 0.25))
     np.testing.assert_allclose(fit.model.problem.repeating, expected, rtol=0.1)
 
@@ -59,13 +59,13 @@ def test_their_size_is_what_was_added() -> None:
 def test_nothing_is_taken_off(recording: dict[str, float], size: float) -> None:
     made, _ = record(recording=recording, motion=[], duration=900.0)
     fit = fitted(gather(with_harmonics(made, size)))[0]
-    assert repeating.corrected(fit) is fit
+    assert film_errors.without_repeating(fit) is fit
 
 
 def test_a_third_harmonic_may_be_the_optics() -> None:
     """The doubt is what a cubic error of the same third harmonic makes of gravity, by the arc: A^2/8 and 3 c A^2/4."""
     made, _ = record(recording=RATE, motion=[], duration=900.0)
-    fit = repeating.corrected(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    fit = film_errors.without_repeating(fitted(gather(with_harmonics(made, 6e-7)))[0])
     amplitude, third = 0.012, 6e-7
     arc = 2.0 * amplitude**2 / 8.0 * 3.0 * third / amplitude
-    assert arc < repeating.doubt(fit) < 2.5 * arc
+    assert arc < film_errors.doubt_by_optics(fit) < 2.5 * arc

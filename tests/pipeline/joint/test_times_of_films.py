@@ -12,8 +12,8 @@ from test_method import in_sigmas, record
 from data_schemas.errors import RecordError
 from pipeline import process, summaries
 from pipeline.joint import kinds
-from pipeline.joint.clock import with_clock
 from pipeline.joint.constants import is_mode
+from pipeline.joint.film_errors import with_clock
 from pipeline.joint.fit import fitted
 from pipeline.joint.gather import gather
 

@@ -13,8 +13,9 @@ from pipeline.joint import choice, course, fit, lattice, motion
 from pipeline.joint.explanation import Fitted, fitted, grown, shifted
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine, Sea
-from pipeline.joint.unresolved import unresolved
-from pipeline.joint.whiteness import Shown, errors_by_frequency
+from pipeline.joint.start import cold_starts
+from pipeline.joint.unfollowed import unresolved
+from pipeline.joint.whiteness import Spectrum, errors_by_frequency
 
 pytestmark = pytest.mark.compiled
 
@@ -91,17 +92,17 @@ def test_a_ship_assumed_wrong_comes_back(settled: Fitted, factor: float) -> None
 def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> None:
     other = with_swell(settled.model.assumed.ship, 0.7)
     lost = settled.solution.log_likelihood - with_ship(settled, other).solution.log_likelihood
-    foretold = -Shown.of(settled).gain(replace(settled.model.assumed, ship=other))
+    foretold = -Spectrum.of(settled).gain(replace(settled.model.assumed, ship=other))
     assert foretold == pytest.approx(lost, rel=0.3, abs=3.0)
 
 
 def test_first_ship_of_a_rough_fit_is_nearly_the_last(gathered: Gathered, settled: Fitted) -> None:
     """The likelihood of the first guess lies closer to the last than to that of the generous ship it began with."""
-    begun = fit.Begun.of(gathered, sine=True)[0]
+    rough = cold_starts(gathered, sine=True)[0]
     sought = np.append(np.full(2, np.nan), settled.model.assumed.noise[-2:])
-    found = motion.first(begun.rough, sought)
+    found = motion.first(rough, sought)
     assert found.noise[:2] == pytest.approx(settled.model.assumed.noise[:2], rel=0.3)
-    ships = (found.ship, begun.rough.model.assumed.ship)
+    ships = (found.ship, rough.model.assumed.ship)
     values = [with_ship(settled, ship).solution.log_likelihood for ship in ships]
     best = settled.solution.log_likelihood
     assert best - values[0] < 0.2 * (best - values[1])
@@ -119,8 +120,8 @@ def test_a_line_is_found_to_its_own_width(gathered: Gathered, settled: Fitted) -
     """A start some widths off ends on the line, whose frequency a step of a hundredth would jump over."""
     line = Engine(20.0, 0.004, 3e-3)
     assumed = replace(settled.model.assumed, ship=(*settled.model.assumed.ship, line))
-    shown = Shown.of(with_ship(settled, assumed.ship))
-    there = replace(shown, bands=tuple(replace(each, power=np.ones_like(each.power)) for each in shown.bands))
+    shown = Spectrum.of(with_ship(settled, assumed.ship))
+    there = replace(shown, power=np.ones_like(shown.power))
     off = replace(assumed, ship=(*assumed.ship[:-1], replace(line, frequency=20.03)))
     found, gain = there.likeliest(off, last=True)
     assert found.ship[-1].peak == pytest.approx(20.0, abs=0.001)

@@ -15,7 +15,7 @@ from data_schemas.errors import FileError, SceneError, UsageError
 from data_schemas.film_description import description_path, load_description
 from data_schemas.scene import Scene
 from data_schemas.scene_film import Film
-from synth.film.sidecars import ImageFile
+from synth.film.exposing import ImageFile
 
 tifffile = pytest.importorskip("tifffile")
 
@@ -217,11 +217,20 @@ def test_files_that_are_there_stay(tmp_path, taken):
 
 
 def test_a_full_disk_is_told_in_one_line(tmp_path, monkeypatch):
-    def full(self, first, pixels):
-        with self._told():
+    class Full:
+        close = staticmethod(lambda: None)
+
+        def seek(self, at):
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(ImageFile, "write", full)
+    def opened(self):
+        made = enter(self)
+        self._file.close()
+        self._file = Full()
+        return made
+
+    enter = ImageFile.__enter__
+    monkeypatch.setattr(ImageFile, "__enter__", opened)
     with pytest.raises(FileError, match="No space left on device; free space"):
         synth.expose(record_of(swing()), Film(**SMALL), tmp_path / "a.film.tif")
     assert os.listdir(tmp_path) == []

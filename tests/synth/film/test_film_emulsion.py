@@ -7,8 +7,7 @@ import pytest
 from made_films import SMALL, planned, rest
 
 from data_schemas.scene_film import Film
-from synth.film.spot_kernels import develop, scan
-from synth.film.strips import Development, blurred, quantised
+from synth.film.strips import Development, blurred, develop, quantised, scan
 
 
 def developed(exposure, film):

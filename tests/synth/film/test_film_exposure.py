@@ -11,8 +11,7 @@ from made_films import SMALL, crossings, latent, planned, ramp, record_of, rest,
 from data_schemas.scene_film import Film
 from synth.film.layout import plan_film
 from synth.film.source import source_of
-from synth.film.spot_kernels import spot_table
-from synth.film.strips import Exposure
+from synth.film.strips import Exposure, spot_table
 
 
 def line_light(film):

@@ -7,7 +7,7 @@ import pytest
 import synth
 from data_schemas.scene import Scene, load_scene
 from synth.explanation import explain
-from synth.systems.symmetry import CAUTION
+from synth.systems.starts import CAUTION
 
 
 def scene_of(**second: object) -> Scene:

@@ -16,7 +16,7 @@ from synth.huygens.orbit import carried, orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected
 from synth.integrators.collocation import integrate
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.symmetry import symmetric
+from synth.systems.starts import symmetric
 
 PAIR = Clocks(0.02, 0.02, COUPLING, (-0.0114, -0.0114))
 ARC = PAIR._replace(swing=0.1)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from data_schemas.scene_motion import SeaMotion
-from synth.motion.sea import LOWEST, PEAK_FACTOR, bin_variances, sea, spectral_shape
+from synth.motion.harmonic_sum import LOWEST, PEAK_FACTOR, bin_variances, sea, spectral_shape
 
 GRAVITY = 9.81
 SPECTRA = sorted(PEAK_FACTOR)

@@ -10,8 +10,8 @@ import pytest
 from system_examples import SYSTEMS, state_for
 
 from synth.systems.driven_pendulums import DrivenPendulums, plain
-from synth.systems.rates import fastest_rate
 from synth.systems.resistance import KnifeEdge, VanDerPol, VanDerPolDrive, Viscous
+from synth.systems.starts import fastest_rate
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter, gaussian_filter1d
 from spot_film import (
     CONTRAST,
     DENSEST,
@@ -18,7 +21,7 @@ from spot_film import (
     shutter,
 )
 
-from pipeline.film.emulsion import HIGHEST_EXPOSURE, FilmEmulsion, ToneCurve, measure_blank
+from pipeline.film.emulsion import HIGHEST_EXPOSURE, UNTOLD, Blank, FilmEmulsion, ToneCurve, measure_blank
 from pipeline.film.tracking.probing import measure_emulsion
 
 
@@ -66,12 +69,30 @@ def test_pixels_become_darkness_and_exposure():
     assert emulsion.noise(np.float32([0.3]))[0] == pytest.approx(sigma, rel=1e-5)
 
 
+def test_blur_of_the_scanner_is_taken_out():
+    away = np.arange(61) - 30.2
+    dark = 1.2 * np.exp(-0.5 * (np.hypot(away[:, None], away) / 4.0) ** 2)
+    seen = gaussian_filter(10.0**-dark, 0.45)
+    pixels = np.rint(60000 * seen).astype(np.uint16)
+    blank = Blank(np.array([30.0]), np.array([30.0]), np.array([[np.log10(65535 / 60000)]]), 1e-3)
+    kernel = gaussian_filter1d(np.eye(1, 21, 10)[0], 0.45)
+    half_variance = 0.5 * float(kernel @ (np.arange(21) - 10.0) ** 2)
+    sharp = FilmEmulsion(65535, blank, UNTOLD, np.array([1e-4, 1e-3]), blur=half_variance)
+    off = np.abs(np.stack([replace(sharp, blur=0.0).darkness(pixels, 0), sharp.darkness(pixels, 0)]) - dark)
+    assert off[0].max() > 0.01
+    assert off[1].max() < 0.05 * off[0].max()
+
+
 @pytest.mark.compiled
-def test_the_curve_is_told_from_the_film_itself():
+@pytest.mark.parametrize("blur", [0.0, 0.4])
+def test_the_curve_is_told_from_the_film_itself(blur):
     traces = [Swinging(110.0, 60.0, 0.3), Swinging(290.0, 55.0, 2.0, slow=8.0)]
     film = exposure_of(traces, 700, 400, shutter(700))
-    emulsion = measure_emulsion(Sheet(developed(film, grain=0.03)))
+    pixels = developed(film, grain=0.03)
+    pixels = np.rint(gaussian_filter(pixels.astype(float), blur)).astype(pixels.dtype) if blur else pixels
+    emulsion = measure_emulsion(Sheet(pixels))
     curve = emulsion.curve
+    assert emulsion.blur == pytest.approx(0.04 if blur else 0.0, abs=0.008)
     assert emulsion.spot == pytest.approx(SPOT, rel=0.02)
     assert curve.darkest == pytest.approx((DENSEST - FOG) / SCANNER, rel=0.06)
     assert curve.contrast == pytest.approx(CONTRAST, rel=0.06)

@@ -1,0 +1,247 @@
+"""From a cold start to a first fit: a swing followed over longer and longer stretches, then all of the record."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import apparatus, kinds, motion, outliers
+from pipeline.joint.constants import Constant, Constants, starts
+from pipeline.joint.explanation import Fitted, Model, attempted, fitted
+from pipeline.joint.gather import Gathered
+from pipeline.joint.outliers import GATE, better, deviation, isolated, reconsidered, smoothed, standing
+from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
+from pipeline.joint.ship import Component, Sea, Vibration
+
+STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
+EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
+DAMPING, DIFFERENCE = 1e-3, 1e-4  # s-1: 1 sigma of an unstated rate, and of its difference between pendulums
+SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
+WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
+COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
+MOST_OUTLIERS = 0.1  # share of the readings of a cold start
+UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
+ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
+GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
+CAPTURE = 0.02  # of gravity, from the reference
+ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
+
+
+def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
+    """Follow the swing under a law from a cold start; and the one that even, sparse times show as well."""
+    problem = gathered.problem
+    stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
+    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+    ship: tuple[Component, ...] = GENEROUS
+    if problem.leaves_heave_open(sine):
+        ship = (*ship, replace(GENEROUS[0], axis="vertical"))
+    if gathered.tilts:
+        ship = (*ship, replace(GENEROUS[0], axis="tilt"))
+    assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
+    rough = _cold_start(problem, assumed, _first_constants(gathered))
+    others = _mirrored(rough)
+    return [_again(rough), *others] if others else [rough]
+
+
+def first_fits(gathered: Gathered) -> list[Fitted]:
+    """Fit the stated law, or both where none is stated, in any order.
+
+    Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
+    left out, pendulums knocked, and all parameters of the ship sought.
+
+    Raises
+    ------
+    LinAlgError
+        No law follows the readings.
+    """
+    stated = gathered.constants["restoring"]
+    laws = [stated != "linear"] if stated else [True, False]
+    rough = [cold_starts(gathered, sine=sine) for sine in laws]
+    fits = [_likeliest(_plain(gathered, each) for each in own) for own in rough]
+    if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
+        fits = [
+            fit or _likeliest(_robust(gathered, each) for each in own) for fit, own in zip(fits, rough, strict=True)
+        ]
+    found = [_with_difference(fit) for fit in fits if fit is not None]
+    if not found:
+        raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
+    return found
+
+
+def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:
+    return max((fit for fit in fits if fit is not None), key=standing, default=None)
+
+
+def _with_difference(fit: Fitted) -> Fitted:
+    """Where no damping is stated: with the prior of its difference from the common rate, which is known by now."""
+    common = next((abs(c.value) for c in fit.model.constants if c.name == "damping"), None)
+    if common is None:
+        return fit
+    width = min(max(SHARE * common, LEAST_DIFFERENCE), DIFFERENCE)
+    constants = tuple(replace(c, prior=width) if c.name.startswith("damping of") else c for c in fit.model.constants)
+    return fitted(replace(fit.model, constants=constants), fit.path)
+
+
+def _first_constants(gathered: Gathered) -> Constants:
+    """Gravity, damping and the start of the free swing, with their priors."""
+    problem, stated = gathered.problem, gathered.constants
+    arc = WIDE * float(np.quantile(np.abs(problem.lattice.value[~problem.left_out]), 0.99))
+    found = list(starts(problem.pendulums, np.sqrt(problem.kappa), arc=arc))
+    found.append(Constant("gravity", kinds.GRAVITY, 0.02, mean=1.0, value=1.0))
+    found += apparatus.constants(problem, stated)
+    if stated["damping_rate"] is None:
+        found.append(Constant("damping", kinds.DAMPING, DAMPING))
+        found += [Constant(f"damping of {i}", kinds.DAMPING, DIFFERENCE, i) for i in range(1, problem.pendulums)]
+    elif "damping_rate_uncertainty" in stated["constants"]:
+        spread = np.broadcast_to(stated["constants"]["damping_rate_uncertainty"], problem.kappa.shape).tolist()
+        some = [(i, each) for i, each in enumerate(spread) if each > 0.0]
+        found += [Constant(f"damping of {i}", kinds.DAMPING, each, i, stated=True) for i, each in some]
+    return tuple(found)
+
+
+def _held(constants: Constants, gravity: float | None = None) -> Constants:
+    """Damping held where it is, and gravity too, or within some 1 sigma of its prior."""
+    stiff = (kinds.DAMPING, kinds.GRAVITY) if gravity is None else (kinds.DAMPING,)
+    held = (replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
+    return tuple(replace(c, prior=gravity) if gravity and c.kind == kinds.GRAVITY else c for c in held)
+
+
+def _freed(constants: Constants, like: Constants) -> Constants:
+    """Values of the first, priors of the second; what the first has more stays."""
+    found = tuple(replace(b, value=a.value) for a, b in zip(constants, like, strict=False))
+    return (*found, *constants[len(like) :])
+
+
+def _cold_start(problem: Problem, assumed: Assumed, first: Constants) -> Fitted:
+    """Follow the swing over longer and longer stretches, each linear enough for the one before it.
+
+    They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
+    """
+    constants = first
+    step, nodes = problem.lattice.step, problem.lattice.nodes
+    size = float(np.std(problem.lattice.value[~problem.left_out]))
+    still = replace(assumed, ship=tuple(c for c in assumed.ship if c.axis != "vertical"))
+    # readings that fall on one phase of the swing show the other only after a while
+    between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * problem.swing
+    for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
+        end = int(min(nodes, np.ceil(seconds / step)))
+        part = problem.until(end)
+        rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
+        if number == 0:
+            easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
+            constants = _freed(part.run(easy, _held(constants))[0].constants, first)
+        constants, errors = _followed(part, rough, _held(constants, EARTH))
+        constants = _freed(constants, first)
+        if end == nodes:
+            break
+    # what shakes one trace all along is no outlier
+    scatter = [deviation(errors[part.lattice.trace == j]) for j in range(rough.noise.size)]
+    rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
+    return smoothed(problem, rough, _held(constants, EARTH), NO_PATH, 2.0 * GATE, most=1)
+
+
+def _followed(problem: Problem, assumed: Assumed, constants: Constants) -> tuple[Constants, Floats]:
+    """Gauss-Newton without readings far off as long as they are few; and all errors, (r,)."""
+    gate = outliers.COARSE_GATE
+    for _ in range(outliers.MOST_FITS):
+        solution, of = problem.run(assumed, constants, gate=gate)
+        share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
+        gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
+        constants = solution.constants
+        if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
+            break
+    return constants, of.errors
+
+
+def _again(rough: Fitted) -> Fitted:
+    """The same about its own path, to the end; outliers and breaks show on the way."""
+    model = rough.model
+    return smoothed(model.problem, model.assumed, model.constants, rough.path, GATE * deviation(rough.of.errors))
+
+
+def _mirrored(rough: Fitted) -> list[Fitted]:
+    """The same readings by the swing that even, sparse times show as well; none where that is far from the stated."""
+    model, constants = rough.model, rough.model.constants
+    gravity = next(each.value for each in constants if each.kind == kinds.GRAVITY)
+    own = float(np.sqrt(model.problem.kappa.mean() * gravity))
+    between = float(np.median(np.diff(np.unique(model.problem.lattice.time))))
+    half_turns = np.rint(own * between / np.pi)
+    factor = 2.0 * np.pi / between * half_turns / own - 1.0
+    if not half_turns or abs(gravity * factor**2 - 1.0) > CAPTURE:
+        return []
+    speeds = [each.kind == kinds.START and each.index % 2 for each in constants]
+    by = [
+        factor**2 if c.kind == kinds.GRAVITY else -factor if s else 1.0 for c, s in zip(constants, speeds, strict=True)
+    ]
+    constants = tuple(replace(c, value=c.value * each) for c, each in zip(constants, by, strict=True))
+    return [smoothed(model.problem, model.assumed, constants, NO_PATH)]
+
+
+def _plain(gathered: Gathered, rough: Fitted) -> Fitted | None:
+    """All readings; what the rough start doubts may be the ship's motion. None where one is far off."""
+    if isolated(rough):
+        return None
+    model, first = rough.model, _first_constants(gathered)
+    constants, assumed = _freed(model.constants, first)[: len(first)], replace(model.assumed, breaks=())
+    model = replace(model, problem=gathered.problem, constants=constants, assumed=assumed)
+    fits = _level_or_heaving(_spectral(model, rough, gathered), rough)
+    return fits[0] if fits is not None and np.nanmax(np.abs(fits[1].of.whitened)) < GATE else None
+
+
+def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
+    """Without outliers, the pendulums knocked where they were. None where that cannot be followed."""
+    rough, problem, none = _again(rough), gathered.problem, np.zeros(gathered.problem.pendulums)
+    model = replace(rough.model, constants=_freed(rough.model.constants, _first_constants(gathered)))
+    model = _spectral(model, rough, gathered)
+    open_heave = model.problem.leaves_heave_open(model.assumed.sine)
+    ship = (motion.heaving(rough, model.assumed) if open_heave else model.assumed).ship
+    # pendulums that wander: friction, or gravity that changes, is not to be taken for outliers
+    wandering, best = replace(model.assumed, ship=ship, kick=none + KICK), rough
+    try:
+        best = smoothed(model.problem, wandering, model.constants, rough.path)
+        best = reconsidered(replace(best.model, begun=ship), best, problem)
+        model = best.model
+    except np.linalg.LinAlgError:
+        best = rough
+    ship = tuple(each for each in model.assumed.ship if each.axis != "vertical")
+    level = replace(model.assumed, kick=none, ship=ship)
+    fits = _level_or_heaving(replace(model, assumed=level, begun=ship), best)
+    return None if fits is None else motion.reshaped(reconsidered(fits[0].model, fits[0], problem))
+
+
+def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | None:
+    """Fitted without vertical motion where the differences ask for none; and what follows the readings best.
+
+    Vertical motion is slow, and would explain other things. Kicks stand for friction, a knock, a fault of the
+    apparatus: where they do better, what it is, is sought beside the level motion. None where nothing can be followed.
+    """
+    problem, level = model.problem, model.assumed
+    path = rough.path[:, : 2 * problem.pendulums]
+    open_heave = problem.leaves_heave_open(level.sine)
+    fit = attempted(replace(model, begun=level.ship), path, smooth=True, most=1)
+    if fit is not None and motion.is_white(fit, problem.differences):
+        fit = motion.reshaped(fit)
+        return fit, fit
+    heaving = None
+    if open_heave:
+        assumed = motion.heaving(rough, level)
+        heaving = attempted(replace(model, assumed=assumed, begun=assumed.ship), path, smooth=True, most=1)
+    best = _likeliest((fit, heaving))
+    if best is None:
+        return None
+    if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
+        kicked = better(replace(model, assumed=motion.kicked(fit)), best)
+        if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
+            return fit, kicked
+    best = motion.reshaped(best)
+    return best, best
+
+
+def _spectral(model: Model, rough: Fitted, gathered: Gathered) -> Model:
+    """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
+    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), LEAST_NOISE)
+    begun = motion.first(rough, stated)
+    return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)

@@ -1,0 +1,154 @@
+"""What acts on gravity unread: motion that is too fast or too weak to be followed, or lies in gaps; rounding.
+
+The path that is likeliest leaves out the variance about it. Vertical motion zeta at x times the swing's frequency slows
+a pendulum by <zeta^2> / (4 - x^2) of gravity, horizontal motion u stiffens it by <u^2> (r - r^2 / 2), with
+r = 1 / (1 - x^2): slow motion by <zeta^2> / 4 and <u^2> / 2, Browne's terms; fast horizontal motion slows it by
+<u^2> / x^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.joint import kinds
+from pipeline.joint.constants import total
+from pipeline.joint.explanation import Fitted, angles, fitted
+from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.ship import Sea, density
+from pipeline.joint.whiteness import CALM, Spectrum, beside_the_swing, transfer
+
+FASTEST, PLACES = 60.0, 4000  # rad s-1, of a spectrum's even places; their number
+WIDTHS = np.sinh(np.linspace(-6.0, 6.0, 121))  # of a component, at which places lie about its peak
+NEAR_TWICE = 0.05  # of (2 n)^2: so near it the swing's own width keeps the term finite
+DOUBTED = 0.5  # share of the term that the assumed spectrum leaves uncertain
+LEAST_MODES = 0.5
+SHORT = (0.6, 0.8, 1.0, 1.25)  # of the swing's frequency, of short waves
+BROAD = 0.3  # of theirs, a width
+LIFTS = np.geomspace(0.1, 10.0, 9)  # of what sways a ship so fast, what lifts it: planes of swing face any way
+SHORTEST = 2.0  # s: nothing hides in shorter gaps
+HALF_FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
+NEAR = 0.2  # of a square of frequencies: closer to resonance motion has no steady response
+INDEPENDENT = 10.0  # s, after which a swell's square is another one
+
+
+def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
+    """Gravity over itself that is to be added for vertical motion not followed, and its 1 sigma.
+
+    Its spectrum is that assumed, less what its sidebands beside the swing of a fit show above noise and horizontal
+    motion.
+    """
+    problem = fit.model.problem
+    upright = [each for each in assumed.ship if each.axis == "vertical"]
+    if not upright or not problem.leaves_heave_open(assumed.sine):
+        return 0.0, 0.0
+    swing, lattice = problem.swing, problem.lattice
+    about = [each.peak + getattr(each, "damping", each.peak) * WIDTHS for each in upright]
+    frequency = np.unique(np.concatenate([np.linspace(0.01, FASTEST, PLACES), *about]))
+    frequency = frequency[frequency > 0.0] * (1.0 + 1e-9)  # never twice the swing's own
+    whole = density(assumed.ship, frequency, "vertical")
+    shown = np.zeros(frequency.size)  # signal over noise, of all sidebands
+    for trace, spacing in enumerate(lattice.spacing[: problem.traces]):
+        swings = fit.path[:, : 2 * problem.pendulums : 2] @ lattice.combination[trace]
+        for by in (swing, -swing):
+            beside = np.abs(frequency + by)
+            level = transfer(problem, trace, beside) * density(assumed.ship, beside, "horizontal")
+            signal = beside_the_swing(swing, swings, beside) * whole
+            shown += signal / (level + assumed.noise[trace] ** 2 * spacing)
+    recorded = lattice.time[lattice.trace == problem.traces + 1]
+    if recorded.size > 1:
+        step = float(np.median(np.diff(recorded)))
+        shown += np.where(frequency < np.pi / step, whole / (assumed.noise[problem.traces + 1] ** 2 * step), 0.0)
+    away = 1.0 - frequency**2 / (4.0 * swing**2)
+    left = whole / (1.0 + shown) * 0.25 * away / (away**2 + NEAR_TWICE**2)
+    size, square = np.trapezoid(np.abs(left), frequency), np.trapezoid(left**2, frequency)
+    if not size:
+        return 0.0, 0.0
+    modes = max(lattice.duration / (2.0 * np.pi) * size**2 / square, LEAST_MODES)
+    return float(np.trapezoid(left, frequency)) / np.pi, float(size) / np.pi * float(np.hypot(DOUBTED, modes**-0.5))
+
+
+def short_waves(fit: Fitted) -> tuple[float, float]:
+    """The same for short waves that lift a ship as it sways so fast, and leave too little in the readings to be found.
+
+    All sizes, from a tenth of what sways it to tenfold, are as likely beforehand; the errors weigh them.
+    """
+    assumed, problem = fit.model.assumed, fit.model.problem
+    sways = [each for each in assumed.ship if each.axis == "horizontal" and each.peak > CALM * problem.swing]
+    if not sways or not problem.leaves_heave_open(assumed.sine):
+        return 0.0, 0.0
+    size, spectrum = float(np.hypot.reduce([each.rms for each in sways])), Spectrum.of(fit)
+    own, trials = unresolved(fit, assumed)[0], []
+    for frequency in problem.swing * np.array(SHORT):
+        for rms in size * LIFTS:
+            waves = Sea(float(frequency), BROAD * float(frequency), float(rms), "vertical")
+            lifted = replace(assumed, ship=(*assumed.ship, waves))
+            more, doubt = unresolved(fit, lifted)
+            trials.append((spectrum.gain(lifted), more - own, doubt))
+    gain, more, doubt = np.transpose(trials)
+    share = np.exp(gain - gain.max())
+    share /= share.sum()
+    mean = float(share @ more)
+    return mean, float(np.sqrt(max(share @ (more**2 + doubt**2) - mean**2, 0.0)))
+
+
+def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
+    """Change of mean gravity over reference gravity by motion in gaps, and its 1 sigma; 0 of linear pendulums.
+
+    The likeliest path fades in a gap, or goes on with a motion that is not the ship's. The mean square outside tells
+    what it is there, but for its scatter; a fit with that as a known change of gravity, how much gets into the mean.
+    `gravity`: row that gives gravity from the constants, (c,).
+    """
+    problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
+    if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
+        return 0.0, 0.0
+    time, changes, at = lattice.step * np.arange(lattice.nodes), np.zeros((2, lattice.nodes)), two
+    for each in fit.model.assumed.ship:
+        row, square = each.system()[1], (each.peak / problem.swing) ** 2
+        motion = (fit.path[:, at : at + row.size] @ row) ** 2
+        at += row.size
+        if each.axis == "horizontal":
+            response = (1.0 - square) / ((1.0 - square) ** 2 + NEAR**2)
+            changes[0] += (response - 0.5 * response**2) * motion
+        elif each.axis == "vertical":
+            changes[1] -= (4.0 - square) / ((4.0 - square) ** 2 + NEAR**2) * motion
+    own = np.unique(lattice.time[lattice.trace < problem.traces])
+    after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
+    apart = own[after] - own[after - 1]
+    inside = apart > SHORTEST
+    if not inside.any() or inside.all():
+        return 0.0, 0.0
+    level, hidden = float(np.abs(changes).sum(axis=0)[~inside].mean()), apart / (apart + HALF_FORETOLD) * inside
+    if level <= 0.0:
+        return 0.0, 0.0
+    track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(1))
+    values = np.array([each.value for each in fit.solution.constants])
+    whole = float(gravity @ (_refitted(fit, replace(problem, track=track)) - values))
+    change = changes.sum(axis=0)
+    missed = float(change[~inside].mean() - change[inside].mean()) / level
+    squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
+    return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))
+
+
+def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
+    """Change of gravity over reference gravity that rounding of readings has made; `gravity` as above."""
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
+    own = np.flatnonzero(lattice.trace < problem.traces)
+    trace = lattice.trace[own]
+    exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own]))
+    exact += total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
+    step = problem.steps[trace]
+    values = []
+    for readings in (np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact), exact):
+        value = lattice.value.copy()
+        value[own] = readings
+        values.append(_refitted(fit, replace(problem, lattice=replace(lattice, value=value))))
+    return float(gravity @ (values[0] - values[1]))
+
+
+def _refitted(fit: Fitted, problem: Problem) -> Floats:
+    """Values of the constants, (c,), where the same model is fitted to another problem."""
+    found = fitted(replace(fit.model, problem=problem), fit.path, most=1)
+    return np.array([each.value for each in found.solution.constants])

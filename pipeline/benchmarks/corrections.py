@@ -11,37 +11,90 @@ several swells. On real pendulums a value is judged by its own sigma; a flag exc
 from __future__ import annotations
 
 import functools
-import importlib.util
 import math
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.honesty.suite import reduced
-from pipeline.benchmarks.pictures import draw_corrections
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, kept, progress, write
+from pipeline.benchmarks.tables import Row, draws, kept, progress, write
 from pipeline.methods import PAIR_METHODS
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 from pipeline.processing import process
 from synth import simulate
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 SWELLS = (24, 25, 26, 27, 28, 29)  # seeds of the swell; the records that are shown have the first
+METHODS = (*PAIR_METHODS, "joint")
+HONEST = {"general": 0.1, "shooting": 0.005, "joint": 0.005}
+"""Methods that reduce what acts on real pendulums, and what is promised of them without noise, mGal, of which no sigma
+speaks."""
+SIGMAS = 5.0
+REPEATS = 3  # timed runs of each method in a full run
+MARKS: Mapping[str, tuple[str, str]] = {
+    "uncorrected": (SKY, "v"), "vening-meinesz": (VERMILION, "^"), "panteleev": (ORANGE, "s"), "general": (BLUE, "D"),
+    "complex": (PURPLE, "P"), "projection": (GREEN, "X"), "shooting": ("#000000", "o"), "joint": ("#8c510a", "H"),
+}  # fmt: skip
+"""Method -> colour, mark."""
+FLOOR, TOP = 1e-9, 1e5  # mGal; below the floor lies rounding
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of record."""
+
+    name: str
+    record: Callable[[int], Made]  # of the seed of the swell
+    right: Mapping[str, float] = field(default_factory=dict)  # largest error, mGal, of the methods that are right here
+    wrong: Mapping[str, float] = field(default_factory=dict)
+    """Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found."""
+    refused: tuple[str, ...] = ()  # methods that may decline: a phase means nothing where the amplitude vanishes
+    real: bool = False  # real pendulums, where a value of the methods made for them must hold within its sigma
+
+
+def _linear(difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Made]:
+    return lambda seed: made(two_pendulums("linear", difference, motion=[swell(seed=seed), *more], **changes))
+
+
+def _wrong(uncorrected: float, vening_meinesz: float) -> Mapping[str, float]:
+    return {"uncorrected": uncorrected, "vening-meinesz": vening_meinesz}
+
+
 _EXACT = {"projection": 1e-3, "complex": 1e-2}
 _INTEGRATED = _EXACT | {"panteleev": 1e-2, "general": 1e-2}
 _PHASE_METHODS = ("uncorrected", "vening-meinesz", "panteleev", "general")
-METHODS = (*PAIR_METHODS, "joint")
-HONEST = ("general", "shooting", "joint")
-"""Methods that reduce what acts on real pendulums: their sigma must hold, or a flag must say why not."""
-SIGMAS = 5.0
-PROMISED = {"general": 0.1, "shooting": 0.005, "joint": 0.005}
-"""What is promised of a method on real pendulums without noise, mGal, which no sigma speaks of."""
-REPEATS = 3  # timed runs of each method in a full run
+_EQUAL_ARCS = _linear(1e-3, amplitudes=(0.01, 0.01))
+LINEAR = (
+    Kind("linear, eps 1e-5, near-resonant", _linear(1e-5, resonant()), _INTEGRATED, _wrong(0.9, 0.6)),
+    Kind("linear, eps 1e-4", _linear(1e-4), _INTEGRATED, _wrong(2.8, 8.0)),
+    Kind("linear, eps 1e-3", _linear(1e-3), _EXACT | {"panteleev": 0.1}, _wrong(13.0, 260.0)),
+    Kind("linear, eps 1e-4, 50/40 mrad", _linear(1e-4, amplitudes=(0.05, 0.04)), _INTEGRATED, _wrong(26.0, 10.0)),
+    Kind("linear, eps 1e-3, beats through zero", _EQUAL_ARCS, _EXACT, refused=_PHASE_METHODS),
+)  # Noise-free linear pendulums in swell; eps is the relative difference of the periods
+REAL = (
+    "swell", "near-resonant", "heave recorded", "large arcs", "dampings that differ", "reading noise",
+    "few samples a swing", "short record",
+)  # fmt: skip
+"""Kinds of the suite `honesty`, at its middle strength, on which also the paper's formulas and the exact identities are
+tried."""
+
+
+def kinds(*, quick: bool) -> list[Kind]:
+    """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
+    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
+
+
+def _real(kind: str, duration: float | None, seed: int) -> Made:
+    return record(kind, "middle", seed, duration=duration)
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -62,8 +115,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     yield from summary(points)
     if folder is not None:
         write(folder / "corrections-points.csv", points)
-        if importlib.util.find_spec("matplotlib") is not None:
-            draw_corrections(points, folder / "corrections.png")
+        if draws():
+            draw(points, folder / "corrections.png")
 
 
 def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, folder: Path | None) -> list[Row]:
@@ -81,9 +134,8 @@ def _timed(made: Made, name: str, repeats: int) -> Row:
     _compile(name)
     runs = [reduced(made, name) for _ in range(repeats)]
     taken = math.nan if runs[0]["refused"] else 1e3 * statistics.median(each["seconds"] for each in runs)
-    return {"method": name, "ms": taken} | {
-        key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")
-    }
+    told = {key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")}
+    return {"method": name, "ms": taken} | told
 
 
 @functools.cache
@@ -113,9 +165,7 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
 
 def silently_wrong(row: Row) -> bool:
     """Whether a value lies beyond five of its sigmas and what is promised, flagged or not; refusals are right."""
-    if row["refused"]:
-        return False
-    return not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + PROMISED[row["method"]]
+    return not row["refused"] and not abs(row["error_mgal"]) <= SIGMAS * row["sigma_mgal"] + HONEST[row["method"]]
 
 
 def summary(points: Sequence[Row]) -> list[Row]:
@@ -139,50 +189,27 @@ def summary(points: Sequence[Row]) -> list[Row]:
     return table
 
 
-@dataclass(frozen=True)
-class Kind:
-    """One kind of record."""
-
-    name: str
-    record: Callable[[int], Made]  # of the seed of the swell
-    right: Mapping[str, float] = field(default_factory=dict)  # largest error, mGal, of the methods that are right here
-    wrong: Mapping[str, float] = field(default_factory=dict)
-    """Least root mean square error over the swells, mGal, of the methods that are wrong: a fifth of what is found."""
-    refused: tuple[str, ...] = ()  # methods that may decline: a phase means nothing where the amplitude vanishes
-    real: bool = False  # real pendulums, where a value of the methods made for them must hold within its sigma
-
-
-def kinds(*, quick: bool) -> list[Kind]:
-    """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
-    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
+def draw(points: Sequence[Row], path: Path) -> None:
+    """Draw |error| against warm run time: every record as a small mark, each method's medians as a large one."""
+    words = "small: a record, large: the median of all; from record to result, kernels compiled; dashed: 1 mGal"
+    figure = sheet("What each method leaves, and what it costs", words, 14.5, 6.2)
+    grid = figure.add_gridspec(1, 2)
+    for place, (title, linear) in enumerate((("linear pendulums", True), ("real pendulums", False))):
+        rows = [row for row in points if not row["refused"] and row["case"].startswith("linear") == linear]
+        axes = panel(figure, grid[place], title, "run time, ms", "|error|, mGal", xscale="log", yscale="log")
+        _draw_points(axes, rows)
+    save(figure, path)
 
 
-def _real(kind: str, duration: float | None, seed: int) -> Made:
-    return record(kind, "middle", seed, duration=duration)
-
-
-def _linear(difference: float, *more: dict[str, Any], **changes: Any) -> Callable[[int], Made]:
-    return lambda seed: made(two_pendulums("linear", difference, motion=[swell(seed=seed), *more], **changes))
-
-
-def _wrong(uncorrected: float, vening_meinesz: float) -> Mapping[str, float]:
-    return {"uncorrected": uncorrected, "vening-meinesz": vening_meinesz}
-
-
-LINEAR = (
-    Kind("linear, eps 1e-5, near-resonant", _linear(1e-5, resonant()), _INTEGRATED, _wrong(0.9, 0.6)),
-    Kind("linear, eps 1e-4", _linear(1e-4), _INTEGRATED, _wrong(2.8, 8.0)),
-    Kind("linear, eps 1e-3", _linear(1e-3), _EXACT | {"panteleev": 0.1}, _wrong(13.0, 260.0)),
-    Kind("linear, eps 1e-4, 50/40 mrad", _linear(1e-4, amplitudes=(0.05, 0.04)), _INTEGRATED, _wrong(26.0, 10.0)),
-    Kind(
-        "linear, eps 1e-3, beats through zero", _linear(1e-3, amplitudes=(0.01, 0.01)), _EXACT, refused=_PHASE_METHODS
-    ),
-)  # Noise-free linear pendulums in swell; eps is the relative difference of the periods
-
-
-REAL = (
-    "swell", "near-resonant", "heave recorded", "large arcs", "dampings that differ", "reading noise",
-    "few samples a swing", "short record",
-)  # fmt: skip
-"""Kinds of the suite `honesty`, at its middle strength, on which also the paper's formulas and the exact identities are
-tried."""
+def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
+    for method, (colour, mark) in MARKS.items():
+        some = [row for row in rows if row["method"] == method]
+        times, errors = [row["ms"] for row in some], [max(abs(row["error_mgal"]), FLOOR) for row in some]
+        axes.plot(times, errors, mark, color=colour, markersize=4.0, alpha=0.4, markeredgewidth=0)
+        if some:
+            middle = statistics.median(times), statistics.median(errors)
+            words = f"{method}  {middle[0]:.0f} ms, {middle[1]:.2g} mGal"
+            axes.plot(*middle, mark, color=colour, label=words, markersize=11, markeredgecolor="white", zorder=4)
+    axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
+    axes.set_ylim(FLOOR / 3, TOP)
+    legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), title="medians", labelspacing=1.0)

@@ -9,10 +9,9 @@ import math
 import statistics
 import tempfile
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +40,15 @@ NOTHING: dict[str, Any] = {
     "slipped": math.nan,
 }  # fmt: skip
 """Scores of a film that was refused."""
+
+
+class Case(NamedTuple):
+    """One film: which property is varied, what it is here, and what that makes."""
+
+    axis: str
+    value: float
+    scene: Scene
+    film: Film
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -85,21 +93,9 @@ def rows_of(case: Case, path: Path) -> Iterator[Row]:
         started = time.process_time()
 
 
-@dataclass(frozen=True)
-class Case:
-    """One film: which property is varied, what it is here, and what that makes."""
-
-    axis: str
-    value: float
-    scene: Scene
-    film: Film
-
-
 def scene(seconds: float) -> Scene:
     """The shipped scene of the films, of some length."""
-    from synth import scene_path
-
-    return load_scene(scene_path("film")).model_copy(update={"duration": seconds})
+    return load_scene(synth.scene_path("film")).model_copy(update={"duration": seconds})
 
 
 def crossing(apart: float, **parts: Any) -> Film:
@@ -110,19 +106,17 @@ def crossing(apart: float, **parts: Any) -> Film:
 
 def cases(seconds: float, *, quick: bool) -> Iterator[Case]:
     """Every film of the table; quick: the ends of each axis alone."""
+    axes: dict[str, tuple[tuple[float, float, float], Callable[[float], Film]]] = {
+        "grain": ((0.02, 0.05, 0.10), lambda value: Film(grain=value)),
+        "speed, mm/s": ((2.8, 5.0, 10.0), lambda value: Film(grain=GRAIN, speed=value)),
+        "resolution, dpi": ((200.0, 300.0, 600.0), lambda value: Film(grain=GRAIN, dpi=value)),
+        "traces apart, mm": ((0.0, 8.0, 16.0), crossing),
+        "marks missing": ((0.0, 0.1, 0.25), lambda value: Film(grain=GRAIN, missing_marks=value, spurious_marks=1)),
+    }
     course = scene(seconds)
-
-    def along(axis: str, values: tuple[float, ...], film: Any) -> Iterator[Case]:
-        for value in (values[0], values[-1]) if quick else values:
+    for axis, (values, film) in axes.items():
+        for value in values[::2] if quick else values:
             yield Case(axis, value, course, film(value))
-
-    yield from along("grain", (0.02, 0.05, 0.10), lambda value: Film(grain=value))
-    yield from along("speed, mm/s", (2.8, 5.0, 10.0), lambda value: Film(grain=GRAIN, speed=value))
-    yield from along("resolution, dpi", (200.0, 300.0, 600.0), lambda value: Film(grain=GRAIN, dpi=value))
-    yield from along("traces apart, mm", (0.0, 8.0, 16.0), crossing)
-    yield from along(
-        "marks missing", (0.0, 0.1, 0.25), lambda value: Film(grain=GRAIN, missing_marks=value, spurious_marks=1)
-    )
 
 
 def hard_films(seconds: float) -> dict[str, Film]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import os
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import FileError, UsageError
-from pipeline.benchmarks.tables import RATIO, Row
+from pipeline.benchmarks.tables import RATIO, Row, draws
 from pipeline.plots.canvas import GREY, PALETTE, legend, panel, save, sheet
 from pipeline.provenance import versions
 
@@ -37,9 +36,9 @@ def read(path: Path) -> list[dict[str, Any]]:
 def append(path: Path, suite: str, rows: Sequence[Row], *, quick: bool) -> None:
     """Append the ratios among a suite's rows, with date, machine and versions, and draw the file beside it (PNG)."""
     lines = read(path)
-    date, machine = datetime.now(UTC), f"{platform.node()}, {platform.machine()}, {os.cpu_count()} processors"
-    run = {"date": date.isoformat(timespec="seconds"), "machine": machine, "versions": json.loads(versions())}
-    run |= {"suite": suite, "quick": quick}
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} processors"
+    run = {"date": date, "machine": machine, "versions": json.loads(versions()), "suite": suite, "quick": quick}
     ratios = [row for row in rows if str(row.get("unit", "")).startswith(RATIO) and math.isfinite(row["value"])]
     new = [run | {key: row[key] for key in ("bar", "value", "limit")} for row in ratios]
     if not new:
@@ -49,7 +48,7 @@ def append(path: Path, suite: str, rows: Sequence[Row], *, quick: bool) -> None:
             stream.writelines(json.dumps(line, ensure_ascii=False) + "\n" for line in new)
     except OSError as fault:
         raise FileError(f"{path}: cannot be written ({fault.strerror}); choose another with --history") from fault
-    if importlib.util.find_spec("matplotlib") is not None:
+    if draws():
         draw([*lines, *new], path.with_suffix(".png"))
 
 

@@ -6,7 +6,6 @@ that was interrupted goes on where it stopped.
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -17,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.pictures import draw_locking, draw_regime
-from pipeline.benchmarks.tables import Row, kept, progress
+from pipeline.benchmarks.tables import Row, draws, kept, progress
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, legend, panel, save, sheet
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope
@@ -42,6 +41,15 @@ _SECTIONS = 201
 _STILL = 0.3  # rad: psi of locked clocks in the last part moves less
 ALPHAS = (-0.175, -0.25, -0.35, -0.5, -0.65, -0.25 * math.pi, -0.9, -1.0, -1.1, -1.25, -1.396)
 
+_WAYS: dict[str, dict[str, Any]] = {
+    "paper": {"color": GREY, "linestyle": "--", "linewidth": 2.4},
+    "corrected chain": {"color": VERMILION, "linewidth": 2.2, "alpha": 0.6},
+    "balance": {"color": BLUE, "linestyle": "", "marker": "s", "markersize": 9, "fillstyle": "none"},
+    "orbit": {"color": GREEN, "linestyle": "", "marker": "o", "markersize": 5.5},
+    "motion": {"color": "black", "linestyle": "", "marker": "x", "markersize": 6},
+}
+_QUANTITIES = (("beta", "beta"), ("q", "q = 2X/l"), ("tau", "tau"), ("k", "k = d eta/d chi"))
+
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, and in words what holds.
@@ -55,7 +63,7 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     borders = edges(chis, taus, locked)
     yield from borders
     yield from claims(curves, borders, float(chis[1] - chis[0]))
-    if folder is not None and importlib.util.find_spec("matplotlib") is not None:
+    if folder is not None and draws():
         smooth = [row for alpha in np.linspace(min(ALPHAS), max(ALPHAS), 200) for row in closed(alpha)]
         marks = [row for row in curves if row["way"] not in {line["way"] for line in smooth}]
         draw_regime([*smooth, *marks], folder / "huygens-figure-2.png")
@@ -125,44 +133,35 @@ def _row(way: str, alpha: float, *values: Any) -> Row:
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
     """One row a claim, from the suite's rows and the step of chi on the lock map."""
     by_way = {way: [row for row in curves if row["way"] == way] for way in {row["way"] for row in curves}}
-    orbit, chain, paper, motion = (by_way[way] for way in ("orbit", "corrected chain", "paper", "motion"))
-    beta = _apart(orbit, chain, "beta")
+    orbit = by_way["orbit"]
+    beta = _apart(orbit, by_way["corrected chain"], "beta")
     slope = _apart(orbit, by_way["balance"], "k", relative=True)
-    plain = _apart(paper, orbit, "k", relative=True)
-    moved = _apart(motion, orbit, "beta")
+    plain = _apart(by_way["paper"], orbit, "k", relative=True)
+    moved = _apart(by_way["motion"], orbit, "beta")
     share = float(np.mean([row["stable"] is False for row in orbit]))
-    near = [row for row in edges if abs(row["tau"]) < 0.03]
-    pairs = [(row["edge_by_motion"], row["edge_by_theory"]) for row in near]
+    pairs = [(row["edge_by_motion"], row["edge_by_theory"]) for row in edges if abs(row["tau"]) < 0.03]
     edge = max(max(0.0, abs(moved / theory - 1.0) - step / theory) for moved, theory in pairs)
     three = orbits(Clocks(0.002, 0.2, COUPLING, (0.005, 0.005)))
     in_phase = sum(abs(each.regime.offset) < 1e-6 for each in three)
-    return [
-        _claim("beta(alpha) of (14) is that of the true orbit", beta, 2e-4, beta < 2e-4),
-        _claim("so is beta of the motion itself, begun alike", moved, 2e-4, moved < 2e-4),
-        _claim("k of the orbit is that of the six equations", slope, 1e-3, slope < 1e-3),
-        _claim("k as printed, without 1/(2 delta), is not: it errs by", plain, None, None),
-        _claim("the paper's regime is unstable in its system (2): share of alphas", share, 1.0, share == 1.0),
-        _claim("the edge of locking is that of theory, for |tau| < 0.03", edge, EDGE, edge <= EDGE),
-        _claim("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
-        _claim("quadrature attracts in system (2)", *_quadrature()),
-    ]
-
-
-def _quadrature() -> tuple[float, float, bool]:
-    """Growth per z of the slowest perturbation, and that it is below zero."""
     pair = _pair(-0.0114)
-    found = next(each for each in solutions(pair, shifts=True) if each.q == 0.0)
-    growth = stability(found, pair).growth
-    return growth, 0.0, growth < 0.0
+    quadrature = next(each for each in solutions(pair, shifts=True) if each.q == 0.0)
+    growth = stability(quadrature, pair).growth  # per z, of the slowest perturbation
+    rows: list[tuple[str, float, float | None, bool | None]] = [
+        ("beta(alpha) of (14) is that of the true orbit", beta, 2e-4, beta < 2e-4),
+        ("so is beta of the motion itself, begun alike", moved, 2e-4, moved < 2e-4),
+        ("k of the orbit is that of the six equations", slope, 1e-3, slope < 1e-3),
+        ("k as printed, without 1/(2 delta), is not: it errs by", plain, None, None),
+        ("the paper's regime is unstable in its system (2): share of alphas", share, 1.0, share == 1.0),
+        ("the edge of locking is that of theory, for |tau| < 0.03", edge, EDGE, edge <= EDGE),
+        ("three regimes in phase coexist at delta0 = .002, delta = .2", float(in_phase), 3.0, in_phase == 3),
+        ("quadrature attracts in system (2)", growth, 0.0, growth < 0.0),
+    ]
+    return [dict(zip(("claim", "value", "limit", "pass"), row, strict=True)) for row in rows]
 
 
 def _apart(rows: Sequence[Row], others: Sequence[Row], key: str, relative: bool = False) -> float:
     pairs = [(float(one[key]), float(other[key])) for one, other in zip(rows, others, strict=True)]
     return max(abs(one / other - 1.0) if relative else abs(one - other) for one, other in pairs)
-
-
-def _claim(said: str, value: float, limit: float | None, holds: bool | None) -> Row:
-    return {"claim": said, "value": float(value), "limit": limit, "pass": holds}
 
 
 def lock_map(size: int, folder: Path | None) -> tuple[Floats, Floats, list[Row]]:
@@ -215,3 +214,37 @@ def measured_edge(chis: Floats, row: Row) -> float:
     if slipped.size == 0:
         return math.inf
     return (float(slipped[0]) + 0.5) * float(chis[1] - chis[0])
+
+
+def draw_regime(rows: Sequence[Row], path: Path) -> None:
+    """Draw beta (the paper's Fig. 2), q, tau and k over alpha; a line or a mark for each way."""
+    words = "delta0 = 0.02, nu = 5.714e-5 as in their Fig. 2 (top left); delta = 0.02; system (2), where it is a saddle"
+    figure = sheet("The synchronous regime of Kanunnikov and Lamper, by every way there is", words, 11.5, 8.4)
+    grid = figure.add_gridspec(2, 2)
+    for number, (key, label) in enumerate(_QUANTITIES):
+        axes = panel(figure, grid[number // 2, number % 2], f"{key}(alpha)", "alpha, rad", label)
+        for way, look in _WAYS.items():
+            chosen = sorted((row for row in rows if row["way"] == way), key=lambda row: float(row["alpha"]))
+            values = np.array([float(row[key]) for row in chosen])
+            if np.isfinite(values).any():
+                axes.plot([float(row["alpha"]) for row in chosen], values, label=way, **look)
+        legend(axes)
+    save(figure, path)
+
+
+def draw_locking(chis: Floats, taus: Floats, rows: Sequence[Row], edges: Sequence[Row], path: Path) -> None:
+    """Draw where clocks lock over tau and chi, with theory's edge and the slow flow's."""
+    from matplotlib.colors import ListedColormap
+
+    words = "system (2), 2,000 swings a cell from near quadrature; slower slips count as locked"
+    figure = sheet("What locks (blue) and what slips", words, 7.4, 6.2)
+    axes = panel(figure, figure.add_gridspec(1, 1)[0], "", "tau", "chi")
+    axes.grid(visible=False)
+    locked = np.array([row["locked"] for row in rows], dtype=float).T
+    axes.pcolormesh(taus, chis, locked, cmap=ListedColormap(["#f1f1f1", BLUE]), shading="nearest", vmin=0.0, vmax=1.0)
+    lines = {"by theory, leading order": ("edge_by_theory", ORANGE), "of the slow flow": ("edge_by_balance", "black")}
+    for source, (key, color) in lines.items():
+        axes.plot(taus, [row[key] for row in edges], color=color, linewidth=1.8, label=f"edge {source}")
+    axes.set_ylim(0.0, float(chis[-1]))
+    legend(axes, loc="upper left")
+    save(figure, path)

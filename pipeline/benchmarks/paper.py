@@ -24,7 +24,7 @@ import numpy as np
 
 from data_schemas.scene import Scene
 from pipeline.arrays import Complexes, Floats
-from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, outcome, prepared, reduce_all, swell, two_pendulums
+from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, errors, prepared, swell, two_pendulums
 from pipeline.benchmarks.tables import Row
 from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
@@ -34,7 +34,6 @@ from pipeline.methods.phases import MARK_SECONDS, Phases, phases, value_and_slop
 from pipeline.observation import observe
 from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
 from pipeline.prepared import Prepared, prepare
-from pipeline.reduction import reduce_by
 from synth import simulate
 
 SLOW_BAND = 0.8  # of n2: faster motion belongs to the free harmonic
@@ -139,22 +138,17 @@ def _one_pendulum() -> Iterator[Row]:
     extreme = 0.5 * PERIOD * np.abs(speed - _FREQUENCY).max() / _FREQUENCY / 1e-7
     yield _row("the same, largest of (39) at 12 and 10 mrad", "order of nu", extreme, "1e-7 s", extreme > 20_000)
     scene = _resonant_scene()
-    record, truth = simulate(scene)
-    phase = np.asarray(truth["truth/free_phase"].values)[0]
-    seconds = np.asarray(record["time"].values)
-    worst = max(abs(_single_error(seconds, phase, minutes)) for minutes in range(5, 31))
+    _, _, first, _, seconds, (n1, _) = _harmonics(scene)
+    phase, worst = np.unwrap(np.angle(first[0])), 0.0
+    for minutes in range(5, 31):
+        part = seconds <= 60.0 * minutes
+        slope = float(np.polyfit(seconds[part], phase[part], 1)[0])
+        worst = max(worst, abs(REFERENCE * ((slope / n1) ** 2 - 1.0) / MGAL))
     yield _row("gravity from pendulum 1 alone", "impossible", worst, "mGal, worst of 5 to 30 min", worst > 100.0)
-    found = reduce_all(scene, ("panteleev", "projection"))
+    found = errors(scene, "panteleev", "projection")
     for name, limit in (("panteleev", 0.01), ("projection", 0.001)):
-        error = abs(found[name].error)
+        error = abs(found[name])
         yield _row(f"gravity from the difference, {name}", "possible", error, "mGal", error < limit)
-
-
-def _single_error(time: Floats, phase: Floats, minutes: float) -> float:
-    """Error of gravity from the slope of one pendulum's own phase over the first minutes, mGal."""
-    part = time <= 60.0 * minutes
-    slope = float(np.polyfit(time[part], phase[part], 1)[0])
-    return REFERENCE * ((slope / (_FREQUENCY * (1.0 + 1e-5))) ** 2 - 1.0) / MGAL
 
 
 def _leak() -> Iterator[Row]:
@@ -166,7 +160,7 @@ def _leak() -> Iterator[Row]:
     yield _row("leak of psi into (9), r.m.s. over the marks", "limits the method", size, "mGal", size > 10.0)
     yield _row("leak of (9) against (14) on truth", "equal", 100.0 * misfit, "% of the largest", misfit < 0.01)
     expected = marks_error(scene)
-    found = reduce_all(scene, ("vening-meinesz",))["vening-meinesz"].error
+    found = errors(scene, "vening-meinesz")["vening-meinesz"]
     off = abs(found / expected - 1.0)
     yield _row("error of gravity by (9), as (14) on truth gives", f"{expected:.4g}", found, "mGal", off < 0.01)
 
@@ -202,22 +196,8 @@ def marks_error(scene: Scene) -> float:
     every = max(1, round(MARK_SECONDS / envelope.hop))
     fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
     correction = integrated(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
-    return _slope_error(scene, difference, time, n2, rows, envelope.time, correction)
-
-
-def plain_error(scene: Scene) -> float:
-    """Error of gravity from the slope of the difference's true phase, uncorrected, mGal."""
-    record, _, _, difference, time, (_, n2) = _harmonics(scene)
-    times = prepare(observe(record)).sliding.time
-    return _slope_error(scene, difference, time, n2, np.rint(times / float(time[1])).astype(np.int64), times, 0.0)
-
-
-def _slope_error(
-    scene: Scene, difference: Complexes, time: Floats, n2: float, rows: Any, times: Floats, correction: Floats | float
-) -> float:
-    """Error of gravity from the slope of the difference's true phase less its correction, mGal."""
     phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
-    slope = regression(times, phase - correction, np.abs(difference[rows]) ** 2)
+    slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
     return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)
 
 
@@ -268,5 +248,5 @@ def _neglected() -> Iterator[Row]:
             size, small = abs(worth[name]), term.startswith("neglected")
             said, agree = ("negligible", size < limit) if small else ("not treated", size > 0.01)
             yield _row(f"{term}, eps {eps:g}", said, worth[name], "mGal", agree)
-        error = outcome(reduce_by("projection", ready, 0.0), scene.gravity).error
+        error = errors(scene, "projection")["projection"]
         yield _row(f"projection, which neglects none, eps {eps:g}", "-", error, "mGal", abs(error) < 0.001)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -122,10 +123,11 @@ class Answer(NamedTuple):
     """What one propagation gave."""
 
     states: Floats  # (k, n); or (k, judged), the angles alone
-    estimated_error: float  # the propagator's own
+    estimated_error: float = math.nan  # the propagator's own; NaN for peers
 
 
 Call = Callable[[], Answer]
+Make = Callable[[Problem, float], Call]  # from problem and tolerance to a call, compiling done
 
 
 def _closed_form(problem: Problem, tolerance: float) -> Call:
@@ -174,7 +176,7 @@ def _integrator(problem: Problem, tolerance: float, name: str) -> Call:
     return call
 
 
-OWN: Mapping[str, Callable[[Problem, float], Call]] = {
+OWN: Mapping[str, Make] = {
     CLOSED: _closed_form,
     PICARD: _picard,
     COLLOCATION: partial(_integrator, name="collocation"),

@@ -13,6 +13,7 @@ import contextlib
 import csv
 import functools
 import hashlib
+import importlib.util
 import io
 import json
 import math
@@ -24,10 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
-
 from data_schemas.writing import write_text
-from pipeline.arrays import Floats
 from synth.kernels.cache import PACKAGES, ROOT
 
 Row = dict[str, Any]
@@ -48,6 +46,11 @@ def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
     write_text(stream.getvalue(), path, overwrite=True)
 
 
+def draws() -> bool:
+    """Whether pictures can be drawn: matplotlib is an extra."""
+    return importlib.util.find_spec("matplotlib") is not None
+
+
 def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
     """Pass items on; draw a bar if stderr is a terminal."""
     from tqdm import tqdm
@@ -57,48 +60,27 @@ def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iter
 
 def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:
     """A bar that holds where the value is not above the limit; NaN never holds."""
-    return _row(bar, value, f"<= {limit:.4g}", unit, value <= limit)
+    return reported(bar, value, unit) | {"limit": f"<= {limit:.4g}", "pass": bool(value <= limit)}
 
 
 def at_least(bar: str, value: float, limit: float, unit: str = "") -> Row:
     """A bar that holds where the value is not below the limit."""
-    return _row(bar, value, f">= {limit:.4g}", unit, value >= limit)
-
-
-def between(bar: str, value: float, low: float, high: float, unit: str = "") -> Row:
-    """A bar with two limits."""
-    return _row(bar, value, f"{low:.4g} to {high:.4g}", unit, low <= value <= high)
+    return reported(bar, value, unit) | {"limit": f">= {limit:.4g}", "pass": bool(value >= limit)}
 
 
 def holds(bar: str, fact: bool, limit: str) -> Row:
     """A bar that is a fact or not."""
-    return _row(bar, 1.0 if fact else 0.0, limit, "", fact)
+    return reported(bar, float(fact)) | {"limit": limit, "pass": fact}
 
 
 def reported(bar: str, value: float, unit: str = "") -> Row:
     """A figure beside a bar, which promises nothing and decides nothing."""
-    return _row(bar, value, "reported", unit, None)
+    return {"bar": bar, "value": float(value), "limit": "reported", "unit": unit, "pass": None}
 
 
 def not_measured(bar: str, limit: str, why: str) -> Row:
     """A bar that cannot be judged here, such as a peer that is not installed; it decides nothing."""
-    return _row(bar, math.nan, limit, why, None)
-
-
-def of_few(limit: float, count: int, full: int) -> float:
-    """A limit on a ratio of root mean squares from fewer records than the promise names.
-
-    The scatter of such a ratio is 1/sqrt(2 count); the limit grows by three times what it gains over the full count.
-
-    >>> of_few(1.1, 400, 400)
-    1.1
-    """
-    return limit * (1.0 + 3.0 * max(math.sqrt(0.5 / count) - math.sqrt(0.5 / full), 0.0))
-
-
-def _row(bar: str, value: float, limit: str, unit: str, passed: bool | None) -> Row:
-    verdict = None if passed is None else bool(passed)
-    return {"bar": bar, "value": float(value), "limit": limit, "unit": unit, "pass": verdict}
+    return reported(bar, math.nan, why) | {"limit": limit}
 
 
 def kept(folder: Path | None, configuration: Mapping[str, Any], make: Callable[[], list[Row]]) -> list[Row]:
@@ -171,22 +153,13 @@ def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float |
     return reported(bar, value, unit) if limit is None else at_most(bar, value, limit, unit)
 
 
-def hilbert(values: Floats) -> float:
-    """Slope of the phase, rad a sample, by scipy at a fast length of its FFT: the yardstick of methods' times."""
-    from scipy.fft import next_fast_len
-    from scipy.signal import hilbert as analytic
-
-    phase = np.unwrap(np.angle(analytic(values, next_fast_len(values.size))[: values.size]))
-    return float(np.polyfit(np.arange(values.size), phase, 1)[0])
-
-
-def command(*words: str) -> Call:
-    """A call that runs a program from start to exit in the folder-independent environment of this tree; its output.
+def command(*words: str, **environment: str) -> Call:
+    """A call that runs a program from start to exit with the packages of this tree, and gives its output.
 
     `CalledProcessError` where the program fails: its time would mean nothing.
     """
-    environment = tree_environment()
-    return lambda: subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout
+    given = tree_environment() | environment
+    return lambda: subprocess.run(words, env=given, check=True, capture_output=True, text=True).stdout
 
 
 def tree_environment() -> dict[str, str]:

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
-from functools import partial
-from pathlib import Path
-from typing import Any
 
-from data_schemas.errors import FileError, UsageError
-from pipeline.cli.parser import number, positive, processors
+from data_schemas.errors import UsageError
+from pipeline.cli.parser import number, positive
 from pipeline.cli.process import add_reduction_options
-from pipeline.cli.tables import complain, progress
 
 HELP = "gravity from thousands of records"
 DESCRIPTION = """\
@@ -41,7 +36,7 @@ examples:
 
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
-_TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}
+TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -74,72 +69,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Do the batch, and tell what became of it."""
-    _check(options)
-    from pipeline.batch.campaign import Tally
-    from pipeline.batch.ledger import Ledger, Log
-    from pipeline.cli.batch_jobs import jobs_of, tell_end, tell_plan
-    from pipeline.cli.outputs import folder_for_output
-    from pipeline.provenance import versions
-
-    folder = Path(options.out)
-    jobs = jobs_of(options, folder)
-    _refuse(options, folder, jobs)
-    if options.dry_run:
-        return tell_plan(jobs, folder, versions(), options)
-    tally = Tally(len(jobs))
-    with folder_for_output(folder), Ledger(folder, versions()) as ledger, Log(folder) as log:
-        log.event("begin", command=sys.argv, inputs=len(jobs), versions=versions())
-        try:
-            summary = _do(options, jobs, ledger, log, tally)
-        except (KeyboardInterrupt, SystemExit) as leaving:
-            log.event("interrupted", done=tally.done, kept=tally.kept)
-            told = f"{tally.done + tally.kept} of {tally.total} inputs are done; the same with --resume goes on"
-            complain(f"interrupted: {told}")
-            return leaving.code if isinstance(leaving, SystemExit) and isinstance(leaving.code, int) else 130
-        status = tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
-        return status if summary else max(status, 1)
-
-
-def _do(options: argparse.Namespace, jobs: Any, ledger: Any, log: Any, tally: Any) -> bool:
-    """Do the work; whether the summary could be written."""
-    from pipeline.batch import campaign
-    from pipeline.batch.campaign import remove_leftovers
-    from pipeline.batch.summary import write_summary
-    from pipeline.cli.outputs import orderly
-
-    folder = Path(options.out)
-    with orderly(), progress("batch", " records") as draw:
-        remove_leftovers(folder)
-        how = {"anew": options.force, "retry_failed": options.retry_failed, "limit": options.limit, "progress": draw}
-        try:
-            campaign.run(jobs, ledger, _executor(options, jobs), log, tally, **how)
-        finally:
-            remove_leftovers(folder)  # of processes that were ended
-        try:
-            write_summary(jobs, ledger, folder)
-        except FileError as fault:  # the results are there all the same
-            complain(f"{fault}; then --resume writes it")
-            return False
-    return True
-
-
-def _executor(options: argparse.Namespace, jobs: Any) -> Any:
-    """The executor asked for, as a function of jobs alone."""
-    limits = {"methods": jobs[0][1].method, "timeout": options.timeout}
-    if options.scheduler is not None:
-        from pipeline.batch.cluster import clustered
-
-        security = {_TLS[name]: value for name in _TLS if (value := getattr(options, name)) is not None}
-        return partial(clustered, address=options.scheduler, security=security, told=complain, **limits)
-    from pipeline.batch.executors import pooled, serial
-
-    if options.executor == "serial":
-        return serial
-    return partial(pooled, workers=min(options.jobs or processors(), len(jobs)), **limits)
-
-
-def _check(options: argparse.Namespace) -> None:
+    """Do the batch, and tell what became of it; options that contradict each other are refused before any work."""
     if not options.out:
         raise UsageError("batch: -o wants a folder, not an empty name")
     if options.executor == "serial" and not options.trusted:
@@ -148,7 +78,7 @@ def _check(options: argparse.Namespace) -> None:
         raise UsageError("batch: --executor serial has one process; leave --jobs and --scheduler out")
     if options.scheduler is not None and options.jobs is not None:
         raise UsageError("batch: --jobs is about this machine; with --scheduler the cluster's workers count")
-    given = [getattr(options, name) for name in _TLS]
+    given = [getattr(options, name) for name in TLS]
     if any(given) and not (all(given) and (options.scheduler or "").startswith("tls://")):
         raise UsageError("batch: --tls-ca, --tls-cert and --tls-key go together, with --scheduler tls://HOST:PORT")
     for path in filter(None, given):
@@ -157,17 +87,6 @@ def _check(options: argparse.Namespace) -> None:
     if options.force and (options.resume or options.retry_failed):
         raise UsageError("batch: --force does everything anew, --resume keeps what was done; give one of them")
 
+    from pipeline.cli.batch_jobs import run_batch  # what works is imported only here
 
-def _refuse(options: argparse.Namespace, folder: Path, jobs: Any) -> None:
-    """Raise `UsageError` where something of the user's, or of a batch begun before, would be overwritten."""
-    from pipeline.batch.ledger import NAME
-    from pipeline.batch.summary import NAMES
-    from pipeline.cli.outputs import refuse_clashes
-
-    resumes = options.resume or options.retry_failed
-    begun = os.path.lexists(folder / NAME)
-    if begun and not (resumes or options.force or options.dry_run):
-        raise UsageError(f"{folder}: a batch was begun there; go on with --resume, or do it anew with --force")
-    inputs = list(dict.fromkeys(path for path, _ in jobs))
-    outputs = [config.output for _, config in jobs] + [folder / name for name in NAMES]
-    refuse_clashes(inputs, outputs, force=begun or options.force)
+    return run_batch(options)

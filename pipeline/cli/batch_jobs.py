@@ -1,30 +1,98 @@
-"""The jobs of a batch from the words of the command line, and what it tells: its plan, and what became of all."""
+"""The work of `isochrony batch`: its jobs from the words of the command line, and what it tells of them."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import data_schemas
 import synth
 from data_schemas.contents import shown
-from data_schemas.errors import UsageError
+from data_schemas.errors import FileError, UsageError
+from pipeline.batch import campaign
 from pipeline.batch.campaign import Job, Tally, holds
 from pipeline.batch.config import Config
 from pipeline.batch.inputs import MOST, Input, Variant, find_inputs, grid, parse_sweep
-from pipeline.batch.ledger import NAME, Index, Log
+from pipeline.batch.ledger import NAME, Index, Ledger, Log
+from pipeline.batch.summary import NAMES, write_summary
+from pipeline.cli.batch import TLS
 from pipeline.cli.batch_kinds import KINDS, member_of
-from pipeline.cli.faults import exit_status
-from pipeline.cli.tables import complain
+from pipeline.cli.files import exit_status, folder_for_output, orderly, refuse_clashes
+from pipeline.cli.parser import processors
+from pipeline.cli.process import reduction_options, requested_methods
+from pipeline.cli.summary_rows import failure, in_order
+from pipeline.cli.tables import complain, print_json, progress
+from pipeline.provenance import command_line, versions
 
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
 _FEW = 4  # inputs named
 _LONGEST = 4096  # letters of a path
+
+
+def run_batch(options: argparse.Namespace) -> int:
+    """Do the jobs that the options name, and tell what became of them."""
+    folder = Path(options.out)
+    jobs = jobs_of(options, folder)
+    begun = os.path.lexists(folder / NAME)
+    if begun and not (options.resume or options.retry_failed or options.force or options.dry_run):
+        raise UsageError(f"{folder}: a batch was begun there; go on with --resume, or do it anew with --force")
+    inputs = list(dict.fromkeys(path for path, _ in jobs))
+    outputs = [config.output for _, config in jobs] + [folder / name for name in NAMES]
+    refuse_clashes(inputs, outputs, force=begun or options.force)
+    if options.dry_run:
+        return tell_plan(jobs, folder, options)
+    tally = Tally(len(jobs))
+    with folder_for_output(folder), Ledger(folder, versions()) as ledger, Log(folder) as log:
+        log.event("begin", command=sys.argv, inputs=len(jobs), versions=versions())
+        try:
+            is_summed = _do(options, jobs, ledger, log, tally)
+        except (KeyboardInterrupt, SystemExit) as leaving:
+            log.event("interrupted", done=tally.done, kept=tally.kept)
+            told = f"{tally.done + tally.kept} of {tally.total} inputs are done; the same with --resume goes on"
+            complain(f"interrupted: {told}")
+            return leaving.code if isinstance(leaving, SystemExit) and isinstance(leaving.code, int) else 130
+        status = tell_end(jobs, ledger, folder, tally, log, as_json=options.json)
+        return status if is_summed else max(status, 1)
+
+
+def _do(options: argparse.Namespace, jobs: list[Job], ledger: Ledger, log: Log, tally: Tally) -> bool:
+    """Do the work; whether the summary could be written."""
+    folder = Path(options.out)
+    with orderly(), progress("batch", " records") as draw:
+        campaign.remove_leftovers(folder)
+        how = {"anew": options.force, "retry_failed": options.retry_failed, "limit": options.limit, "progress": draw}
+        try:
+            campaign.run(jobs, ledger, _executor(options, jobs), log, tally, **how)
+        finally:
+            campaign.remove_leftovers(folder)  # of processes that were ended
+        try:
+            write_summary(jobs, ledger, folder)
+        except FileError as fault:  # the results are there all the same
+            complain(f"{fault}; then --resume writes it")
+            return False
+    return True
+
+
+def _executor(options: argparse.Namespace, jobs: list[Job]) -> Any:
+    """The executor asked for, as a function of jobs alone."""
+    limits = {"methods": jobs[0][1].method, "timeout": options.timeout}
+    if options.scheduler is not None:
+        from pipeline.batch.cluster import clustered
+
+        security = {TLS[name]: value for name in TLS if (value := getattr(options, name)) is not None}
+        return partial(clustered, address=options.scheduler, security=security, told=complain, **limits)
+    from pipeline.batch.executors import pooled, serial
+
+    if options.executor == "serial":
+        return serial
+    return partial(pooled, workers=min(options.jobs or processors(), len(jobs)), **limits)
 
 
 def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
@@ -33,30 +101,18 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
     `UsageError` for words that mean no file, options that contradict each other, an unknown method; `SceneError` for a
     key of a sweep that its scene does not have.
     """
-    from pipeline.cli.process import reduction_options, requested_methods
-    from pipeline.provenance import command_line
-
     methods = requested_methods("batch", options.method)
     inputs = find_inputs([_shipped(word) for word in options.inputs], KINDS)
     points = _points(options, inputs)
-    command = command_line()
+    memory = None if options.trusted else options.memory * _MIB
+    shared = {"folder": folder, "method": methods, "memory": memory, "allow_paths": options.allow_paths}
+    shared |= {"command": command_line(), **reduction_options(options)}
     made = []
     for one in inputs:
         for member, variant in points if one.kind.name == "scene" and points else [(0, ())]:
-            key = f"{one.name}-{member:0{len(str(len(points)))}d}.result.nc" if member else f"{one.name}.result.nc"
-            config = Config(
-                key=key,
-                folder=folder,
-                kind=one.kind,
-                method=methods,
-                **reduction_options(options),
-                member=member,
-                variant=variant,
-                memory=None if options.trusted else options.memory * _MIB,
-                allow_paths=options.allow_paths,
-                command=command,
-            )
-            made.append((one.path, config))
+            number = f"-{member:0{len(str(len(points)))}d}" if member else ""
+            key = f"{one.name}{number}.result.nc"
+            made.append((one.path, Config(key=key, kind=one.kind, member=member, variant=variant, **shared)))
     return made
 
 
@@ -81,13 +137,12 @@ def _shipped(word: str) -> str:
     path = Path(word)
     if os.path.exists(path) or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
         return word
-
     return str(synth.scene_path(word))
 
 
-def tell_plan(jobs: Sequence[Job], folder: Path, versions: str, options: argparse.Namespace) -> int:
+def tell_plan(jobs: Sequence[Job], folder: Path, options: argparse.Namespace) -> int:
     """Say of each input whether it would be done, at most `--limit` of them; nothing is made or changed."""
-    known = Index(folder, versions) if os.path.exists(folder / NAME) else None
+    known = Index(folder, versions()) if os.path.exists(folder / NAME) else None
     done = kept = 0
     for path, config in jobs:
         held = not options.force and known is not None and holds(path, config, known, retry_failed=options.retry_failed)
@@ -113,10 +168,8 @@ def tell_end(jobs: Sequence[Job], ledger: Index, folder: Path, tally: Tally, log
         complain(f"and {len(bad) - _MOST_TOLD} more, see {folder / 'summary.csv'}")
     flagged = _flagged(jobs, ledger)
     left = tally.total - counts.total()
-    named = {"ok": f"ok ({flagged} with flags)" if flagged else "ok"}
-    text = ", ".join(
-        f"{counts[status]} {named.get(status, status)}" for status in ("ok", "refused", "failed") if counts[status]
-    )
+    words = {"ok": f"ok ({flagged} with flags)" if flagged else "ok", "refused": "refused", "failed": "failed"}
+    text = ", ".join(f"{counts[status]} {word}" for status, word in words.items() if counts[status])
     log.event("end", done=tally.done, kept=tally.kept, left=left, **counts)
     if not as_json:
         waiting = f"; {left} left for --resume" if left else ""
@@ -143,8 +196,6 @@ def _flagged(jobs: Sequence[Job], ledger: Index) -> int:
 
 def _print_json(path: Path, config: Config, ledger: Index) -> None:
     """The objects that `process` prints, read back from the result."""
-    from pipeline.cli.summary_rows import failure, in_order
-    from pipeline.cli.tables import print_json
     from pipeline.summary import summaries
 
     line: dict[str, Any] = ledger.line(config.key)

@@ -16,11 +16,11 @@ SUITES = {
     "corrections": "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
     "paper": "the source paper's own figures, reproduced",
     "stability": "propagators on extreme motions: solved within a bound, or refused by name",
-    "honesty": "64 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
+    "honesty": "74 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
     "integrators": "propagators against general integrators: time and error",
     "film": "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
     "huygens": "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
-    "batch": "a record's cost in a batch beside a bare loop, one process and two, dask, killed and resumed",
+    "batch": "a record's cost in a batch beside a bare loop, one process and two",
     "bars": "promised accuracy, statistics and cost: bar, value, limit, pass",
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, text in SUITES.items())

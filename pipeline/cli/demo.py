@@ -60,12 +60,17 @@ def run(options: argparse.Namespace) -> int:
     gravity = float(truth["truth"]["gravity"])
     time = record.dataset["time"].values
     print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
-    rows = summaries(result)
-    _print_table(rows, gravity)
-    _print_flags(rows)
+    _print_table(summaries(result), gravity)
     print()
     print_text(f"{_alone(result)} {_EXPLANATION}", 0)
-    _draw(record, result, gravity, folder)
+    if importlib.util.find_spec("matplotlib") is None:
+        print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
+        return 0
+    from pipeline.plots.canvas import save
+    from pipeline.plots.result import demo_figure
+
+    save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
+    print(f"picture: {folder / 'isochrony-demo.png'}")
     return 0
 
 
@@ -87,14 +92,16 @@ def _folder(name: str) -> Path:
     return folder
 
 
-_COLUMNS = columns("method <14", "what it is <23", "g m/s2 >10", "error mGal >10", "sigma >8", "ms >5")
-
-
 def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
-    print_header(_COLUMNS)
+    """One row a method, and the flags below it: a flagged sigma does not promise the truth."""
+    shown = columns("method <14", "what it is <23", "g m/s2 >10", "error mGal >10", "sigma >8", "ms >5")
+    print_header(shown)
+    raised: dict[str, list[str]] = {}
     for row in rows:
+        for flag in row["flags"]:
+            raised.setdefault(flag, []).append(row["method"])
         if row["status"] != "ok":
-            print_row(_COLUMNS[:1], [row["method"]])
+            print_row(shown, [row["method"]])
             print_text(f"{row['status']}: {row['error']}", more=2)
             continue
         error = (row["gravity_m_s2"] - gravity) / _MILLIGAL
@@ -102,48 +109,25 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
             DECLARED[row["method"]].short, f"{row['gravity_m_s2']:.8f}", f"{error:+.4f}",
             f"{row['gravity_sigma_mgal']:.4f}", f"{1e3 * row['elapsed_s']:.0f}",
         )  # fmt: skip
-        print_row(_COLUMNS, [row["method"], *cells])
-
-
-def _print_flags(rows: list[dict[str, Any]]) -> None:
-    """Name what the results themselves say is to be distrusted: a flagged sigma does not promise the truth."""
-    raised: dict[str, list[str]] = {}
-    for row in rows:
-        for flag in row["flags"]:
-            raised.setdefault(flag, []).append(row["method"])
+        print_row(shown, [row["method"], *cells])
     if raised:
         print("\nflags that the results carry:")
-        for flag, methods in raised.items():
-            print_text(f"{flag}: {', '.join(methods)}", 2, more=2)
+    for flag, methods in raised.items():
+        print_text(f"{flag}: {', '.join(methods)}", 2, more=2)
 
 
 def _alone(result: DataTree) -> str:
     """Say what one pendulum by itself would have shown: its phase speed from moment to moment, as gravity."""
     import numpy as np
 
-    from pipeline.plots.result import best_method
+    from pipeline.plots.result import best_method, of_method
 
-    phases = result["phases"].dataset
-    label = str(phases["component"].values[0])
-    speed = np.asarray(phases["phase_speed"].values, dtype=np.float64)[0]
-    table = result["gravity"].dataset
-    row = [str(name) for name in table["estimator"].values].index(best_method(result) or "uncorrected")
-    frequency, gravity = float(table["frequency"].values[row, 0]), float(table["gravity"].values[row])
-    # dg/g = 2 dn/n
-    wander = 2.0 * gravity * (speed / frequency - 1.0) / _MILLIGAL
+    phases, best = result["phases"].dataset, best_method(result) or "uncorrected"
+    label, speed = str(phases["component"].values[0]), np.asarray(phases["phase_speed"].values)[0]
+    gravity, frequency = (of_method(result, "gravity", name, best) for name in ("gravity", "frequency"))
+    wander = 2.0 * gravity * (speed / frequency[0] - 1.0) / _MILLIGAL  # dg/g = 2 dn/n
     down, up = np.nanpercentile(wander, [2.5, 97.5])
     return (
         f"Pendulum {label} alone wanders by {down:+.0f} to {up:+.0f} mGal within the record: "
         "the ship shakes it near its own period."
     )
-
-
-def _draw(record: DataTree, result: DataTree, gravity: float, folder: Path) -> None:
-    if importlib.util.find_spec("matplotlib") is None:
-        print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
-        return
-    from pipeline.plots.canvas import save
-    from pipeline.plots.result import demo_figure
-
-    save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
-    print(f"picture: {folder / 'isochrony-demo.png'}")

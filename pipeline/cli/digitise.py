@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import data_schemas
 from data_schemas.errors import IsochronyError, RefusedError, UsageError, naming
-from pipeline.cli.faults import exit_status, outcome_of
-from pipeline.cli.film_options import add_film_options, description, edits_of, film_options, read_film, scan_options
-from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
-from pipeline.cli.parser import whole_number
+from pipeline.cli.files import exit_status, make_folder, outcome_of, place, refuse_clashes, stem
+from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods, whole_number
 from pipeline.cli.tables import complain, print_json, progress
+
+if TYPE_CHECKING:
+    from data_schemas.film_description import FilmDescription
+    from pipeline.film.knowledge import FilmOptions, Known
+    from pipeline.film.reading import Reading
 
 HELP = "read photographic films into records"
 DESCRIPTION = """\
@@ -36,6 +40,25 @@ examples:
   isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
   isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
 
+_MARKS = """\
+at each full minute the shutter closes twice (double), for longer (long), not at all (omitted) or as ever (none); \
+default: what repeats every minute"""
+_TURN = "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"
+_LINES = "dark on light film, light on dark, or auto (default)"
+_READING = "continuous (between the marks), strobe (at the marks alone) or auto (default)"
+_NUMBERS = (
+    ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
+    ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
+    ("--speed", "MM_S", "nominal speed of the film"),
+    ("--rate", "HZ", "samples a second, continuous (default up to 25)"),
+)
+_CHOICES: tuple[tuple[str, str, str, str, str | None, str], ...] = (
+    ("--marks", "kind of marks", "double long omitted none", "CODE", None, _MARKS),
+    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto", _TURN),
+    ("--lines", "kind of lines", "auto dark light", "TONE", "auto", _LINES),
+    ("--reading", "reading", "auto continuous strobe", "HOW", "auto", _READING),
+)  # Option, what it is called, its values, metavar, default, help
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
@@ -52,7 +75,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--force", action="store_true", help="overwrite existing outputs")
     add("--preview", action="store_true", help="draw what was read where (NAME.film.png beside the record)")
     add("--json", action="store_true", help="JSON Lines instead of text")
-    add_film_options(parser)
+    add_reading_options(parser)
+    add_meaning_options(parser, "optical lever (assumed 2000)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -166,13 +190,80 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
     for said in (*row["assumed"], *row["notes"]):
         complain(f"{row['input']}: {said}")
     if not as_json:
-        flags = ", ".join(row["flags"]) or "no flags"
         from pipeline.film.reading import share_read
 
-        missing = row["missing_fraction"].values()
+        missing, flags = row["missing_fraction"].values(), ", ".join(row["flags"]) or "no flags"
         part = share_read(row["reading"], row["accepted_fraction"], sum(missing) / len(missing))
-        print(
-            f"{row['output']}: {row['samples']} samples of {', '.join(row['traces'])} over {row['duration_s']:.6g} s, "
-            f"{part}, {row['reading']}; {flags}",
-            flush=True,
-        )
+        told = f"{row['samples']} samples of {', '.join(row['traces'])} over {row['duration_s']:.6g} s"
+        print(f"{row['output']}: {told}, {part}, {row['reading']}; {flags}", flush=True)
+
+
+def add_reading_options(parser: Any) -> None:
+    """List the options of reading a film."""
+    add = parser.add_argument
+    add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
+    for option, name, text in _NUMBERS:
+        add(option, type=number(option, above=0.0), metavar=name, help=text)
+    trace = "trace and its pendulums, from the left to the right at rest; repeatable"
+    add("--trace", action="append", default=[], metavar="NAME[:A[-B]]", help=trace)
+    for option, what, values, name, default, text in _CHOICES:
+        add(option, type=one_of(what, values.split()), default=default, metavar=name, help=text)
+    edits = "apply a person's edits (default NAME.edits.toml beside the film)"
+    add("--edits", nargs="?", const="", metavar="FILE", help=edits)
+    jobs = "processor cores to use, 1 (default) to 64"
+    add("--jobs", type=whole_number("--jobs", 1, 64), default=1, metavar="N", help=jobs)
+
+
+def film_options(options: argparse.Namespace) -> FilmOptions:
+    """All options, as `make_record` takes them."""
+    from dataclasses import replace
+
+    return replace(
+        reading_options(options),
+        lever=options.lever,
+        combinations=pairs("digitise", "--combination", options.combination),
+        periods=periods("digitise", options.period),
+        gravity=options.gravity,
+    )
+
+
+def reading_options(options: argparse.Namespace) -> FilmOptions:
+    """What matters for reading the film."""
+    from pipeline.film.knowledge import FilmOptions
+
+    given = {name: getattr(options, name) for name in ("mark_interval", "marks", "speed", "dpi")}
+    return FilmOptions(traces=tuple(options.trace), **given)
+
+
+def description(options: argparse.Namespace) -> FilmDescription | None:
+    """The description named on the command line, None where none is: then the one beside the film counts."""
+    if options.description is None:
+        return None
+    from data_schemas.film_description import load_description
+
+    return load_description(Path(options.description))
+
+
+def edits_of(film: Path, options: argparse.Namespace) -> Path | None:
+    """File of the edits that are to be applied to a film."""
+    from data_schemas.film_edits import edits_path
+
+    if options.edits is None:
+        return None
+    return Path(options.edits) if options.edits else edits_path(film)
+
+
+def scan_options(options: argparse.Namespace) -> dict[str, Any]:
+    """How the image is looked at, as the reader takes it."""
+    return {name: getattr(options, name) for name in ("orientation", "lines", "reading", "rate")}
+
+
+def read_film(
+    film: Sequence[Path], options: argparse.Namespace, said: FilmOptions, rows: tuple[int, int | None] | None = None
+) -> tuple[Reading, Known]:
+    """Read a film, or some of its rows, as the options say, with a progress bar."""
+    from pipeline.film.digitise import read
+
+    given = {"options": said, "edits": edits_of(film[0], options), "rows": rows, "jobs": options.jobs}
+    with progress(film[0].name, " rows") as draw:
+        return read(film, description(options), **scan_options(options), **given, progress=draw)

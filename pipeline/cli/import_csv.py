@@ -8,7 +8,7 @@ from typing import Any
 
 import data_schemas
 from data_schemas.errors import UsageError
-from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.files import make_folder, place, refuse_clashes
 from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods
 
 HELP = "turn columns of time and angle into a record"

@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
+from pipeline.cli import simulate, small
 from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
 from pipeline.memory import bounded
@@ -26,8 +27,10 @@ _NAMES = (
     "demo", "simulate", "process", "expose", "digitise", "batch", "benchmark", "plot", "import", "join", "validate",
     "schema", "explain", "warm",
 )  # fmt: skip
-_VERBS: dict[str, Any] = {
-    name: import_module("pipeline.cli.import_csv" if name == "import" else f"pipeline.cli.{name}") for name in _NAMES
+_SMALL: dict[str, Any] = {**small.VERBS, "expose": simulate.EXPOSE}
+_VERBS = {
+    name: _SMALL.get(name) or import_module(f"pipeline.cli.{'import_csv' if name == 'import' else name}")
+    for name in _NAMES
 }
 _READERS = ("process", "plot", "validate", "digitise", "import", "join")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs

@@ -7,9 +7,21 @@ import math
 import os
 import textwrap
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from data_schemas.errors import UsageError
+
+
+@dataclass
+class Verb:
+    """A verb of a few lines, with what a module of a larger one has under the same names."""
+
+    HELP: str
+    DESCRIPTION: str
+    EXAMPLES: str
+    add_options: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], int]
 
 
 class Parser(argparse.ArgumentParser):
@@ -102,7 +114,7 @@ def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
     return convert
 
 
-def number(option: str, *, above: float | None = None, what: str = "a number") -> Callable[[str], float]:
+def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
     """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
     limit = " of at least 0" if above is None else "" if above == -math.inf else f" greater than {above:g}"
 
@@ -110,7 +122,7 @@ def number(option: str, *, above: float | None = None, what: str = "a number") -
         try:
             value = float(word)
         except ValueError:
-            raise UsageError(f"{option} wants {what}, not '{word}'") from None
+            raise UsageError(f"{option} wants a number, not '{word}'") from None
         if not (math.isfinite(value) and (value >= 0.0 if above is None else value > above)):
             raise UsageError(f"{option} wants a finite number{limit}, not '{word}'")
         return value

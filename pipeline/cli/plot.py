@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError, naming
-from pipeline.cli.faults import read_checked, refuse_faults
-from pipeline.cli.film_options import add_reading_options, description, read_film, reading_options
-from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.digitise import add_reading_options, description, read_film, reading_options
+from pipeline.cli.files import make_folder, place, read_checked, refuse_clashes, refuse_faults
 from pipeline.cli.parser import number
 from pipeline.cli.tables import complain
 
@@ -48,10 +47,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
     parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
     film = parser.add_argument_group("of a film")
-    # of either sign: a film's time may begin before its first full minute
-    seconds = partial(number, above=-math.inf, what="a number of seconds")
-    film.add_argument("--from", dest="start", type=seconds("--from"), metavar="S", help="first moment to draw")
-    film.add_argument("--to", dest="stop", type=seconds("--to"), metavar="S", help="last moment to draw")
+    for option, name, which in (("--from", "start", "first"), ("--to", "stop", "last")):
+        seconds = number(option, above=-math.inf)  # of either sign: time may begin before the first full minute
+        film.add_argument(option, dest=name, type=seconds, metavar="S", help=f"{which} moment to draw")
     add_reading_options(film)
 
 
@@ -120,10 +118,8 @@ def _kind_ending(path: Path) -> str:
 
 def is_image(path: Path) -> bool:
     """Whether a file begins as TIFF, PNG or JPEG do; a file that cannot be read does not."""
-    try:
-        if not path.is_file():
-            return False
-        with path.open("rb") as stream:
-            return stream.read(4).startswith(_MAGIC)
-    except (OSError, ValueError):
-        return False
+    with contextlib.suppress(OSError, ValueError):
+        if path.is_file():
+            with path.open("rb") as stream:
+                return stream.read(4).startswith(_MAGIC)
+    return False

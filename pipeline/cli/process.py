@@ -11,8 +11,7 @@ from typing import Any
 
 import data_schemas
 from data_schemas.errors import IsochronyError, UsageError, naming
-from pipeline.cli.faults import exit_status, outcome_of, read_checked
-from pipeline.cli.outputs import make_folder, place, refuse_clashes
+from pipeline.cli.files import exit_status, make_folder, outcome_of, place, read_checked, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING

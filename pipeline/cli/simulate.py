@@ -1,22 +1,24 @@
-"""`isochrony simulate`: a scene becomes a record and its truth."""
+"""`isochrony simulate`: a scene becomes a record and its truth; `isochrony expose`: either becomes a film."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 import synth
-from data_schemas.errors import UsageError
-from pipeline.cli.outputs import folder_for_output, orderly, place, refuse_clashes, stem
-from pipeline.cli.parser import number, positive, processors, whole_number
+from data_schemas.errors import IsochronyError, UsageError, naming
+from pipeline.cli.files import folder_for_output, orderly, place, read_checked, refuse_clashes, stem
+from pipeline.cli.parser import Verb, number, positive, processors, whole_number
 from pipeline.cli.tables import print_json, progress
 
 if TYPE_CHECKING:
+    from xarray import DataTree
+
     from data_schemas.scene import Scene
+
 
 HELP = "make a record and its truth from a scene"
 DESCRIPTION = """\
@@ -162,18 +164,18 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
         print_json({"record_id": scene.record_id, "title": scene.title, **asdict(told)})
         return
     wanted = "none: as exact as the propagator can" if told.tolerance is None else power(told.tolerance)
-    print(f"{scene.record_id}: {scene.title}" if scene.title else scene.record_id)
-    _print_block("scene", {"pendulums": told.pendulums, "readings": told.readings})
-    _print_block("terms", told.terms | {"left out": ", ".join(told.left_out) or "nothing"})
     refused = {"if it refuses": ", then ".join(told.instead)} if told.instead else {}
     error = {"tolerance": wanted, "expected error": f"{power(told.expected_error)} of the largest angle"}
-    _print_block("propagator", {"chosen": told.propagator, "why": told.why, **refused, **error})
-
-
-def _print_block(heading: str, entries: Mapping[str, str]) -> None:
-    print(f"\n{heading}")
-    for name, words in entries.items():
-        print(f"  {name:<19}{words}")
+    blocks = {
+        "scene": {"pendulums": told.pendulums, "readings": told.readings},
+        "terms": told.terms | {"left out": ", ".join(told.left_out) or "nothing"},
+        "propagator": {"chosen": told.propagator, "why": told.why, **refused, **error},
+    }
+    print(f"{scene.record_id}: {scene.title}" if scene.title else scene.record_id)
+    for heading, entries in blocks.items():
+        print(f"\n{heading}")
+        for name, words in entries.items():
+            print(f"  {name:<19}{words}")
 
 
 def power(value: float) -> str:
@@ -184,3 +186,65 @@ def power(value: float) -> str:
     """
     exponent = math.floor(math.log10(value) + 1e-9)
     return f"1e{exponent:d}" if math.isclose(value, 10.0**exponent) else f"{value:.2g}"
+
+
+def _add_expose_options(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("source", metavar="RECORD|SCENE", help="record (.nc), scene (.toml), or the name of a shipped scene")
+    add("-o", dest="out", metavar="FILM", help="image (.tif), or folder (ends with /); default beside the input")
+    add("--film", metavar="NAME|FILE", help="shipped film, or TOML file with the keys of a scene's section [film]")
+    add("--seed", type=whole_number("--seed"), metavar="N", help="seed of the film's chance instead of its own")
+    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
+    add("--force", action="store_true", help="overwrite existing outputs")
+
+
+def _expose(options: argparse.Namespace) -> int:
+    """Expose the film and write the three files."""
+    from data_schemas.film_description import description_path
+
+    is_record = options.source.endswith(".nc")
+    path, out = Path(options.source), options.out
+    if not is_record:
+        path, out = find_scene(options.source, out, "film.tif")
+    target = place([path], out, ".film.tif")[0]
+    truth = synth.film_truth_path(target)
+    refuse_clashes([path], [target, description_path(target), truth], force=options.force)
+    film = None if options.film is None else synth.load_film(options.film)
+    source: DataTree | Scene
+    if is_record:
+        source = read_checked(path, "record")
+    else:
+        source = data_schemas.load_scene(path, allow_paths=options.allow_paths)
+    try:
+        with orderly(), folder_for_output(target.parent), progress(target.name, " rows") as draw:
+            made = synth.expose_to(source, film, target, seed=options.seed, overwrite=options.force, progress=draw)
+    except IsochronyError as fault:
+        raise type(fault)(naming(path, str(fault))) from None
+    traces = ", ".join(made.traces)
+    print(f"{made.image}: {made.rows} x {made.columns} px, {made.length:.4g} m of film, traces {traces}")
+    print(f"{made.description}: what is known of it")
+    print(f"{made.truth}: what is not")
+    return 0
+
+
+EXPOSE = Verb(
+    "put a record or a scene on photographic film",
+    """\
+Expose a photographic film to a record (.nc) or a scene (TOML, or the name of a shipped one), develop and scan it.
+Needs the extra `film` (tifffile).
+
+Three files are written: NAME.film.tif, the image (BigTIFF, rows along the film), NAME.film.toml, what an observer
+knows of the film, and NAME.film.truth.nc, what he does not (time, elongation and pixel of every row and trace):
+reading the film never uses it. The samples of a record are joined by a smooth curve; where it has none, the lamp
+is off. A scene is simulated without noise and gaps of its recording.
+
+--film takes a shipped film (clean, typical, bad, historic-slow) or a TOML file with the keys of a scene's section
+[film]; without it, the section of the scene counts, or a film without any defect. All sizes are assumed.""",
+    """\
+examples:
+  isochrony expose ship.record.nc --film typical      ship.film.tif, .film.toml and .film.truth.nc beside the record
+  isochrony expose night.toml                         the film that the scene names
+  isochrony expose night.toml --film mine.toml --seed 7 -o out/""",
+    _add_expose_options,
+    _expose,
+)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.cli import tables
-from pipeline.cli.outputs import stem
+from pipeline.cli.files import stem
 from pipeline.cli.tables import Column, columns, complain, print_header, print_json, print_row, print_text
 from pipeline.flag_words import told
 
@@ -17,8 +17,7 @@ _KEYS = (
     "gravity_sigma_mgal", "frequency_rad_s", "difference_frequency_rad_s", "corrections_mgal",
     "sensitivity_mgal", "flags", "samples_used", "elapsed_s",
 )  # fmt: skip
-_WIDTH = 26  # of the names of corrections
-_ONE = columns(f"  correction <{_WIDTH}", "mGal >12", "sigma >9", "1e-7 s >10")
+_ONE = columns("  correction <26", "mGal >12", "sigma >9", "1e-7 s >10")
 
 
 def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
@@ -44,7 +43,7 @@ class SummaryPrinter:
     def __init__(self, inputs: Sequence[Path], *, as_json: bool, with_ledger: bool = False) -> None:
         self._as_json = as_json
         self._with_ledger = with_ledger and not as_json
-        self._width = max(len(stem(path)) for path in inputs)
+        self._first = columns(f"record <{max(len(stem(path)) for path in inputs)}")
         self._headed: list[Column] = []
         self._named = ""
 
@@ -63,31 +62,35 @@ class SummaryPrinter:
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
         own, cells = _KINDS["synchrony" if row.get("synchrony") else "period" if "period_s" in row else "gravity"]
-        shown, name = [*own], stem(Path(str(row["input"])))
-        first = columns(f"record <{self._width}")
-        beside = tables.width_of([*first, *own]) <= tables.LINE
-        if beside:
-            shown[:0] = first
+        name, shown = stem(Path(str(row["input"]))), [*self._first, *own]
+        lead = [name]
+        if tables.width_of(shown) > tables.LINE:  # the record's name on a line of its own
+            shown, lead = [*own], []
         if shown != self._headed:
             print_header(shown)
             self._headed = shown
-        if not beside and name != self._named:
+        if not lead and name != self._named:
             print(f"{name}:")
         self._named = name
-        lead = [name] if beside else []
-        if row["status"] != "ok":
-            print_row(shown, [*lead, str(row["method"])])
+        is_good = row["status"] == "ok"
+        print_row(shown, [*lead, *(cells(row) if is_good else [str(row["method"])])])
+        if not is_good:
             print_text(f"{row['status']}: {row['error']}", more=2)
             return
-        print_row(shown, [*lead, *cells(row)])
-        if row.get("choice_reason"):
-            print_text(row["choice_reason"], more=2)
-        if row["flags"]:
-            print_text("flags: " + ", ".join(row["flags"]), more=2)
+        flags = "flags: " + ", ".join(row["flags"]) if row["flags"] else ""
+        for text in filter(None, (row.get("choice_reason"), flags)):
+            print_text(text, more=2)
 
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None or value != value else format(value, form)
+
+
+def _sigma(value: float | None, unknown: str = "?") -> str:
+    """Four decimals, or two digits where four decimals would show none."""
+    if value is None or value != value:
+        return unknown
+    return f"{value:.4f}" if value >= 1e-3 or value == 0.0 else f"{value:.1e}"
 
 
 def _gravity(row: Mapping[str, Any]) -> list[str]:
@@ -103,10 +106,12 @@ def _period(row: Mapping[str, Any]) -> list[str]:
 def _synchrony(row: Mapping[str, Any]) -> list[str]:
     pair = row["synchrony"]
     angle = None if pair["angle_rad"] is None else math.degrees(pair["angle_rad"])
-    rate, sigma = pair["rate_difference_per_day"], pair["rate_difference_sigma_per_day"]
-    verdict = [pair["pair"], pair["verdict"], _number(pair["confidence"], ".3f"), _number(angle, ".2f")]
-    since = [_number(pair["lock_time_s"], ".1f"), str(pair["slips"])]
-    return [*verdict, *since, _number(rate, ".3f"), _number(sigma, ".2g")]
+    numbers = {
+        "confidence": ".3f", "angle": ".2f", "lock_time_s": ".1f", "slips": "", "rate_difference_per_day": ".3f",
+        "rate_difference_sigma_per_day": ".2g",
+    }  # fmt: skip
+    told = {**pair, "angle": angle}
+    return [pair["pair"], pair["verdict"], *(_number(told[name], form) for name, form in numbers.items())]
 
 
 _CLOCKS = ("pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >10", "sigma >7")
@@ -117,13 +122,6 @@ _KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[
 }  # Own columns and cells of what a row may tell
 
 
-def _sigma(value: float | None, unknown: str = "?") -> str:
-    """Four decimals, or two digits where four decimals would show none."""
-    if value is None or value != value:
-        return unknown
-    return f"{value:.4f}" if value >= 1e-3 or value == 0.0 else f"{value:.1e}"
-
-
 LEAST_SHARE = 0.005  # of the variance, that is printed
 
 
@@ -131,7 +129,7 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
 
     One method is shown with sigma, the change of the full period, and what the correction was made from; several stand
-    side by side.
+    side by side. What no method applied follows, entries of one reason together.
     """
     good = [row for row in rows if row["status"] == "ok" and row.get("ledger")]
     if not good:
@@ -141,7 +139,14 @@ def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
         _one(good[0])
     else:
         _several(good)
-    _not_applied(good)
+    reasons: dict[str, list[str]] = {}
+    for entries in zip(*(row["ledger"] for row in good), strict=True):
+        if not any(entry["applied"] for entry in entries):
+            reasons.setdefault(entries[0]["reason"], []).append(entries[0]["entry"])
+    if reasons:
+        print("  not applied:")
+    for reason, names in reasons.items():
+        print_text(f"{', '.join(names)}: {reason}", more=2)
     for flag in dict.fromkeys(flag for row in good for flag in row["flags"]):
         print_text(f"{flag}: {told(flag)}", 2, more=2)
 
@@ -154,8 +159,7 @@ def _one(row: Mapping[str, Any]) -> None:
             value = [f"{entry['value_mgal']:+.4f}", _sigma(entry["sigma_mgal"]), f"{entry['period_1e-7_s']:+.3f}"]
             print_row(_ONE, [f"  {entry['entry']}", *value])
             print_text(entry["reason"], 6)
-    total = sum(entry["value_mgal"] for entry in row["ledger"])
-    period = sum(entry["period_1e-7_s"] for entry in row["ledger"])
+    total, period = (sum(entry[name] for entry in row["ledger"]) for name in ("value_mgal", "period_1e-7_s"))
     print_row(_ONE, ["  sum", f"{total:+.4f}", "", f"{period:+.3f}"])
     print_row(_ONE, ["  reading noise", "", _sigma(row["noise_sigma_mgal"])])
     print(f"  uncorrected {row['uncorrected_m_s2']:.8f} m/s2, gravity {row['gravity_m_s2']:.8f} m/s2")
@@ -172,23 +176,9 @@ def _several(rows: Sequence[Mapping[str, Any]]) -> None:
     shown = [_ONE[0], *columns(*(f"{row['method']} >12" for row in rows))]
     for places in tables.blocks(shown):
         print_header([shown[each] for each in places])
-        some = [rows[each - 1] for each in places[1:]]
+        some = [rows[each - 1]["ledger"] for each in places[1:]]
         for k, entry in enumerate(rows[0]["ledger"]):
             if any(row["ledger"][k]["applied"] for row in rows):
-                given = [row["ledger"][k] for row in some]
-                cells = [f"{each['value_mgal']:+.4f}" if each["applied"] else "-" for each in given]
+                cells = [f"{each[k]['value_mgal']:+.4f}" if each[k]["applied"] else "-" for each in some]
                 print_row(shown, [f"  {entry['entry']}", *cells])
-        totals = [sum(entry["value_mgal"] for entry in row["ledger"]) for row in some]
-        print_row(shown, ["  sum", *(f"{total:+.4f}" for total in totals)])
-
-
-def _not_applied(rows: Sequence[Mapping[str, Any]]) -> None:
-    """What no method applied, those of one reason together."""
-    reasons: dict[str, list[str]] = {}
-    for k, entry in enumerate(rows[0]["ledger"]):
-        if not any(row["ledger"][k]["applied"] for row in rows):
-            reasons.setdefault(entry["reason"], []).append(entry["entry"])
-    if reasons:
-        print("  not applied:")
-    for reason, names in reasons.items():
-        print_text(f"{', '.join(names)}: {reason}", more=2)
+        print_row(shown, ["  sum", *(f"{sum(entry['value_mgal'] for entry in each):+.4f}" for each in some)])

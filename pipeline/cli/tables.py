@@ -6,7 +6,7 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from textwrap import TextWrapper
 from typing import Any, NamedTuple, TextIO
 
@@ -68,7 +68,7 @@ def complain(text: object) -> None:
 
 
 def printable(text: str, kept: str = "") -> str:
-    """Text whose control characters are question marks; those to be kept are named, as are bytes that are no UTF-8.
+    r"""Text whose control characters are question marks; those to be kept are named, as are bytes that are no UTF-8.
 
     >>> printable("a\x1b[31m\n", kept="\n")
     'a?[31m\n'
@@ -93,18 +93,16 @@ class Printable:
 
 def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print rows that share their keys as a table whose columns are as wide as they need be, in parts if need be."""
-    if not rows:
-        return
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    lines = [keys, *([text(row.get(key)) for key in keys] for row in rows)]
-    sides = [">" if _is_number([row.get(key) for row in rows]) else "<" for key in keys]
-    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
-    columns = [Column(*each) for each in zip(keys, widths, sides, strict=True)]
-    for number, places in enumerate(blocks(columns)):
-        if number:
-            print()
-        for line in lines:
-            print_row([columns[each] for each in places], [line[each] for each in places])
+    cells = {key: [text(row.get(key)) for row in rows] for key in keys}
+    sides = [">" if _are_numbers(row.get(key) for row in rows) else "<" for key in keys]
+    shown = [Column(key, max(map(len, (key, *cells[key]))), side) for key, side in zip(keys, sides, strict=True)]
+    for number, places in enumerate(blocks(shown) if rows else []):
+        print("\n" * (number > 0), end="")
+        part = [shown[each] for each in places]
+        print_header(part)
+        for line in zip(*(cells[column.heading] for column in part), strict=True):
+            print_row(part, line)
 
 
 def print_json(row: Mapping[str, Any]) -> None:
@@ -146,7 +144,7 @@ def text(value: Any) -> str:
     return str(value)
 
 
-def _is_number(values: Sequence[Any]) -> bool:
+def _are_numbers(values: Iterable[Any]) -> bool:
     known = [value for value in map(plain, values) if value is not None]
     return all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in known)
 

@@ -9,11 +9,15 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import data_schemas
 import synth
 from pipeline.methods import METHODS
 from synth.kernels.cache import WATCHERS, cache_folder, stamp
+
+if TYPE_CHECKING:
+    from data_schemas.scene import Scene
 
 HELP = "compile ahead what the other verbs need"
 DESCRIPTION = """\
@@ -62,25 +66,18 @@ def run(options: argparse.Namespace) -> int:
 def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """What is done, and how it is called."""
     from pipeline.batch.warming import warm
-
-    yield "process", partial(warm, [name for name in METHODS if name != "auto"])
-    for name in sorted(synth.scenes()):
-        yield f"simulate {name}", partial(_simulate, name)
-    yield "expose", partial(_expose, folder)
-    yield "digitise", partial(_digitise, folder)
-
-
-def _simulate(name: str) -> None:
-    scene = data_schemas.load_scene(synth.scene_path(name))
-    synth.simulate(scene.model_copy(update={"duration": min(scene.duration, _DURATION)}))
-
-
-def _expose(folder: Path) -> None:
-    scene = data_schemas.load_scene(synth.scene_path("film")).model_copy(update={"duration": _OF_FILM})
-    synth.expose_to(scene, synth.load_film("typical"), folder / "warm.film.tif")
-
-
-def _digitise(folder: Path) -> None:
     from pipeline.film.digitise import digitise
 
-    digitise(folder / "warm.film.tif")
+    def scene(name: str, longest: float) -> Scene:
+        shipped = data_schemas.load_scene(synth.scene_path(name))
+        return shipped.model_copy(update={"duration": min(shipped.duration, longest)})
+
+    def simulate(name: str) -> None:
+        synth.simulate(scene(name, _DURATION))
+
+    film = folder / "warm.film.tif"
+    yield "process", partial(warm, [name for name in METHODS if name != "auto"])
+    for name in sorted(synth.scenes()):
+        yield f"simulate {name}", partial(simulate, name)
+    yield "expose", lambda: synth.expose_to(scene("film", _OF_FILM), synth.load_film("typical"), film)
+    yield "digitise", partial(digitise, film)

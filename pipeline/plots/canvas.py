@@ -157,12 +157,6 @@ def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: st
     axes.fill_between(middle, low, high, where=low <= high, color=color, alpha=0.85, linewidth=0.3, label=label)
 
 
-def thin(time: Floats, values: Floats, most: int = 4000) -> tuple[Floats, Floats]:
-    """Every k-th point of a smooth series, so that a figure of it is drawn in no time."""
-    step = max(1, time.size // most)
-    return time[::step], values[::step]
-
-
 def running_mean(time: Floats, values: Floats, width: float) -> Floats:
     """Mean over `width` seconds about each instant; NaN where the series has no value.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.arrays import row_means_present
+from pipeline.arrays import Floats, row_means_present
 from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
 
 if TYPE_CHECKING:
@@ -56,29 +55,32 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
     `UsageError` where the film shows nothing of that time.
     """
     first, last = _rows(reading, start, stop)
-    known = np.flatnonzero(np.isfinite(reading.axis.seconds))
-    per_row = np.ptp(reading.axis.seconds[known[[0, -1]]]) / np.ptp(known) if known.size > 1 else 0.0
-    strips = _strips(reading.scan, first, last, _reach(reading, first, last), float(per_row))
-    figure, axes = _sheet("Film, and what was read of it", _subtitle(reading), strips)
-    for place, strip in zip(axes, strips, strict=True):
-        _draw_image(place, reading.scan, strip)
-        _draw_traces(place, reading, strip)
-        _draw_marks(place, reading, strip)
-        _draw_flags(place, reading, strip)
-        _label_time(place, reading, strip)
-        _frame(place, strip)
+    seconds = reading.axis.seconds
+    known = np.flatnonzero(np.isfinite(seconds))
+    per_row = np.ptp(seconds[known[[0, -1]]]) / np.ptp(known) if known.size > 1 else 0.0
+    columns, words = _reach(reading, first, last), _subtitle(reading)
+    figure, strips = _sheet(
+        reading.scan, "Film, and what was read of it", words, (first, last), columns, float(per_row)
+    )
+    for axes, strip in strips:
+        _draw_traces(axes, reading, strip)
+        if known.size > 1 and (reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS):
+            _draw_strobe(axes, reading, strip, known)
+        _draw_marks(axes, reading, strip)
+        _draw_flags(axes, reading, strip)
+        _label_time(axes, seconds[strip.rows], strip)
+        _frame(axes, strip)
     _legend(figure, reading)
     return figure
 
 
 def unread_figure(scan: OpenScan, why: str) -> Figure:
     """Draw a film that could not be read, and say in one line why."""
-    strips = _strips(scan, 0, scan.rows, (0, scan.columns), 0.0)
-    figure, axes = _sheet("Film, not read", why if len(why) < 190 else why[:187] + "...", strips)
-    for place, strip in zip(axes, strips, strict=True):
-        _draw_image(place, scan, strip)
-        place.set_xlabel("row")
-        _frame(place, strip)
+    words = why if len(why) < 190 else why[:187] + "..."
+    figure, strips = _sheet(scan, "Film, not read", words, (0, scan.rows), (0, scan.columns), 0.0)
+    for axes, strip in strips:
+        axes.set_xlabel("row")
+        _frame(axes, strip)
     return figure
 
 
@@ -113,30 +115,25 @@ def _reach(reading: Reading, first: int, last: int) -> tuple[int, int]:
     return max(0, int(low - margin)), min(reading.scan.columns, int(high + margin))
 
 
-def _strips(scan: OpenScan, first: int, last: int, columns: tuple[int, int], seconds_per_row: float) -> list[Strip]:
+def _sheet(
+    scan: OpenScan, title: str, words: str, rows: tuple[int, int], columns: tuple[int, int], seconds_per_row: float
+) -> tuple[Figure, list[tuple[Axes, Strip]]]:
+    """The image in strips of half a minute, a panel for each, as high as the film is wide, within reason."""
     length = _STRIP / seconds_per_row if seconds_per_row > 0.0 else 1800.0
-    count = int(np.clip(np.ceil((last - first) / length - 0.05), 1, _MOST_STRIPS))
-    edges = np.linspace(first, last, count + 1).astype(int)
-    return [Strip(int(a), int(b), *columns) for a, b in pairwise(edges)]
-
-
-def _sheet(title: str, subtitle: str, strips: Sequence[Strip]) -> tuple[Figure, list[Axes]]:
-    """An empty figure with a panel for each strip, as high as the film is wide, within reason."""
-    strip = strips[0]
-    true = (_WIDTH - 1.0) * (strip.right - strip.left) / (strip.stop - strip.first)
-    height = float(np.clip(true, 1.5, np.clip(_HEIGHT / len(strips), 1.8, 9.0)))
-    figure = sheet(title, subtitle, _WIDTH, 1.15 + len(strips) * (height + 0.45))
-    grid = figure.add_gridspec(len(strips), 1)
-    axes = [panel(figure, grid[row, 0], "", up="column") for row in range(len(strips))]
-    for place in axes:
-        place.grid(False)
-    return figure, axes
-
-
-def _draw_image(axes: Axes, scan: OpenScan, strip: Strip) -> None:
-    grey = picture(scan, strip.first, strip.stop, strip.left, strip.right, _DOTS)
-    extent = (strip.first, strip.stop, strip.left, strip.right)
-    axes.imshow(grey.T, **_IMAGE, extent=extent, cmap="gray", vmin=0.0, vmax=1.0)
+    count = int(np.clip(np.ceil((rows[1] - rows[0]) / length - 0.05), 1, _MOST_STRIPS))
+    edges = np.linspace(*rows, count + 1).astype(int).tolist()
+    true = (_WIDTH - 1.0) * (columns[1] - columns[0]) / (edges[1] - edges[0])
+    height = float(np.clip(true, 1.5, np.clip(_HEIGHT / count, 1.8, 9.0)))
+    figure = sheet(title, words, _WIDTH, 1.15 + count * (height + 0.45))
+    grid = figure.add_gridspec(count, 1)
+    strips = []
+    for row, (first, stop) in enumerate(pairwise(edges)):
+        axes, strip = panel(figure, grid[row, 0], "", up="column"), Strip(first, stop, *columns)
+        axes.grid(False)
+        grey = picture(scan, *strip, _DOTS)
+        axes.imshow(grey.T, **_IMAGE, extent=(first, stop, *columns), cmap="gray", vmin=0.0, vmax=1.0)
+        strips.append((axes, strip))
+    return figure, strips
 
 
 def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
@@ -149,15 +146,11 @@ def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
         if rows.size <= _FINE * _DOTS:
             size = float(np.clip(2.5 * _DOTS / rows.size, 0.8, 5.0))
             axes.plot(rows, tracks.position[trace, strip.rows], ".", color=color, markersize=size, markeredgewidth=0)
-    if reading.kind == "strobe" or rows.size * 4 <= _DOTS:
-        _draw_strobe(axes, reading, strip)
 
 
-def _draw_strobe(axes: Axes, reading: Reading, strip: Strip) -> None:
+def _draw_strobe(axes: Axes, reading: Reading, strip: Strip, known: NDArray[np.int64]) -> None:
     """Places read at the marks, as rings."""
-    axis, known = reading.axis, np.flatnonzero(np.isfinite(reading.axis.seconds))
-    if known.size < 2:
-        return
+    axis = reading.axis
     seconds = reading.strobe.index * axis.interval
     at = np.interp(seconds, axis.seconds[known], known + 0.5, left=np.nan, right=np.nan)
     for trace, column in enumerate(reading.strobe.position):
@@ -196,17 +189,17 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
         axes.axhline(low + high, color=_TRACES[trace % len(_TRACES)], linewidth=0.6)
 
 
-def _label_time(axes: Axes, reading: Reading, strip: Strip) -> None:
-    """Seconds along the lower edge; rows where no time is known."""
-    seconds = reading.axis.seconds[strip.rows]
+def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
+    """Seconds of a strip's rows along the lower edge; rows where no time is known."""
     known = np.flatnonzero(np.isfinite(seconds))
     if known.size < 2:
         axes.set_xlabel("row")
         return
     from matplotlib.ticker import MaxNLocator
 
-    ticks = MaxNLocator(15, steps=[1, 2, 5, 10]).tick_values(float(seconds[known[0]]), float(seconds[known[-1]]))
-    ticks = ticks[(ticks >= seconds[known[0]]) & (ticks <= seconds[known[-1]])]
+    begin, end = seconds[known[[0, -1]]].tolist()
+    ticks = MaxNLocator(15, steps=[1, 2, 5, 10]).tick_values(begin, end)
+    ticks = ticks[(ticks >= begin) & (ticks <= end)]
     rows = np.interp(ticks, seconds[known], known + strip.first + 0.5)
     axes.set_xticks(rows, [f"{tick:g} s" for tick in ticks])
 

@@ -8,22 +8,8 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.methods import BEST_FIRST
-from pipeline.plots.canvas import (
-    BLUE,
-    GREEN,
-    PALETTE,
-    VERMILION,
-    angle_scale,
-    draw_band,
-    legend,
-    note,
-    over_time,
-    panel,
-    robust_limits,
-    running_mean,
-    sheet,
-    thin,
-)
+from pipeline.plots import canvas
+from pipeline.plots.canvas import angle_scale, draw_band, legend, note, over_time, panel, robust_limits, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,6 +19,7 @@ if TYPE_CHECKING:
 
 _ZOOM = 20.0  # s
 _MOST_TRACES = 8
+_MOST_POINTS = 4000  # of a smooth line
 _MILLIGAL = 1e-5  # m s-2
 
 
@@ -45,7 +32,7 @@ def record_figure(record: DataTree) -> Figure:
     figure = sheet("Elongations of the record", _subtitle(record, time, traces.values), 11.0, 0.9 + 2.3 * len(labels))
     grid = figure.add_gridspec(len(labels), 2, width_ratios=(2.4, 1))
     for row, label in enumerate(labels):
-        color = PALETTE[row % len(PALETTE)]
+        color = canvas.PALETTE[row % len(canvas.PALETTE)]
         draw_whole(panel(figure, grid[row, 0], f"trace {label}"), time, values[row], color)
         _draw_zoom(panel(figure, grid[row, 1], f"{_ZOOM:g} s of it"), time, values[row], color)
     return figure
@@ -129,11 +116,17 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     values = np.asarray(phases["amplitude"].values, dtype=np.float64)
     angle, unit = angle_scale(float(np.nanmax(values, initial=0.0)))
     time = over_time(axes, _seconds(result), f"amplitude, {unit}")
+    every = slice(None, None, max(1, time.size // _MOST_POINTS))  # smooth, and drawn in no time
     for row, label in enumerate(phases["component"].values):
-        across, up = thin(time, values[row] * angle)
         kind = "difference" if "-" in str(label) else "pendulum"
         style = ("-", "--", "-")[row % 3]  # two pendulums swing alike and would hide each other
-        axes.plot(across, up, style, color=PALETTE[row % len(PALETTE)], label=f"{kind} {label}")
+        axes.plot(
+            time[every],
+            values[row, every] * angle,
+            style,
+            color=canvas.PALETTE[row % len(canvas.PALETTE)],
+            label=f"{kind} {label}",
+        )
     axes.set_ylim(0.0, 1.25 * robust_limits(values * angle)[1])
     legend(axes, loc="upper center", ncols=3)
 
@@ -153,23 +146,23 @@ def draw_track(axes: Axes, result: DataTree) -> None:
     width = float(np.clip(round(float(time[-1]) / 450.0) * 10.0, 5.0, 60.0))
     across = over_time(axes, time, f"mGal from {float(gravity):.7f} m/s²\n(means of {width:g} s, twice)")
     lines = {
-        "phase speed as measured": (gravity * (measured / frequency[-1]) ** 2, VERMILION),
-        f"corrected ({best})": (of_method(result, "correction", "corrected_gravity", best), BLUE),
+        "phase speed as measured": (gravity * (measured / frequency[-1]) ** 2, canvas.VERMILION),
+        f"corrected ({best})": (of_method(result, "correction", "corrected_gravity", best), canvas.BLUE),
     }
-    shown = []
+    shown, every = [], slice(None, None, max(1, time.size // _MOST_POINTS))
     for name, (values, color) in lines.items():
-        offset = running_mean(time, (values - gravity) / _MILLIGAL, width)
-        offset = running_mean(time, offset, width)  # once would let a heave of ten seconds through
+        offset = canvas.running_mean(time, (values - gravity) / _MILLIGAL, width)
+        offset = canvas.running_mean(time, offset, width)  # once would let a heave of ten seconds through
         if time[-1] > 4.0 * width:  # at the ends half a window is not a mean over whole waves
             offset[(time < width) | (time > time[-1] - width)] = np.nan
-        axes.plot(*thin(across, offset), color=color, label=name)
+        axes.plot(across[every], offset[every], color=color, label=name)
         shown.append(robust_limits(offset))
     if "course" in result.children:
         course = result["course"].dataset
         offset = (course["gravity_course"].values - gravity) / _MILLIGAL
         sigma = course["gravity_course_sigma"].values
-        axes.fill_between(across, offset - sigma, offset + sigma, color=GREEN, alpha=0.3, linewidth=0)
-        axes.plot(across, offset, color=GREEN, label="joint, along the track, ± 1 σ")
+        axes.fill_between(across, offset - sigma, offset + sigma, color=canvas.GREEN, alpha=0.3, linewidth=0)
+        axes.plot(across, offset, color=canvas.GREEN, label="joint, along the track, ± 1 σ")
         shown.append(robust_limits(np.concatenate([offset - sigma, offset + sigma])))
     low, high = min(limits[0] for limits in shown), max(limits[1] for limits in shown)
     axes.set_ylim(low, high + 0.25 * (high - low))
@@ -187,7 +180,7 @@ def draw_residual(axes: Axes, result: DataTree) -> None:
     angle, unit = angle_scale(float(np.nanmax(np.abs(residual))))
     across = over_time(axes, time - time[0], f"read less fitted, {unit}")
     size = float(np.sqrt(np.nanmean(residual**2)))
-    draw_band(axes, across, residual * angle, color=BLUE, label=f"rms {size * angle:.3g} {unit}")
+    draw_band(axes, across, residual * angle, color=canvas.BLUE, label=f"rms {size * angle:.3g} {unit}")
     legend(axes, loc="upper right")
 
 
@@ -198,11 +191,11 @@ def draw_spectrum(axes: Axes, result: DataTree) -> None:
     if not density.size or not density.max() > 0.0:
         note(axes, "nothing is left")
         return
-    axes.loglog(frequency, density, color=BLUE)
+    axes.loglog(frequency, density, color=canvas.BLUE)
     best = best_method(result)
     if best is not None:
         swing = float(of_method(result, "gravity", "frequency", best)[-1]) / (2.0 * np.pi)
-        axes.axvline(swing, color=VERMILION, linewidth=1.0, linestyle="--", label=f"swing, {swing:.3f} Hz")
+        axes.axvline(swing, color=canvas.VERMILION, linewidth=1.0, linestyle="--", label=f"swing, {swing:.3f} Hz")
         legend(axes, loc="best")
     axes.set(xlabel="frequency, Hz", ylabel="power density, rad²/Hz")
 
@@ -221,10 +214,19 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     rows = np.arange(len(methods))[::-1]
     smallest = _linear_part(offset, sigma)
     axes.set_xscale("symlog", linthresh=smallest, linscale=0.6)
-    axes.axvline(0.0, color=GREEN, linewidth=1.2)
+    axes.axvline(0.0, color=canvas.GREEN, linewidth=1.2)
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
-    axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=BLUE, ecolor=BLUE, capsize=3, markersize=5)
+    axes.errorbar(
+        offset[good],
+        rows[good],
+        xerr=bars[good],
+        fmt="o",
+        color=canvas.BLUE,
+        ecolor=canvas.BLUE,
+        capsize=3,
+        markersize=5,
+    )
     values = [f"{_signed(shift)} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
     labels = [f"{name}\n{values[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
@@ -276,7 +278,9 @@ def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figu
     for column, label in enumerate(labels):
         kind = "the difference" if "-" in label else "a single pendulum"
         axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}")
-        draw_whole(axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), PALETTE[2 * column])
+        draw_whole(
+            axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), canvas.PALETTE[2 * column]
+        )
     draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic"), result)
     draw_gravity(panel(figure, grid[1, 1], "Error of each method"), result, true_gravity)
     draw_track(panel(figure, grid[2, :], "Gravity along the record"), result)

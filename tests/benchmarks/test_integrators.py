@@ -24,7 +24,7 @@ INSTALLED = [name for name, peer in PEERS.items() if importlib.util.find_spec(pe
 
 
 def point(method: str, error: float, ms: float, *, own: bool = False, tolerance: float = 1e-9) -> Point:
-    return Point("p", method, own, tolerance, error, error, error, (ms / 1e3,))
+    return Point("p", method, own, tolerance, error, error, (ms / 1e3,))
 
 
 @pytest.mark.skipif(importlib.util.find_spec("heyoka") is None, reason="heyoka is in the extra 'peers'")
@@ -110,9 +110,8 @@ def test_the_suite_yields_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyP
     rows = list(integrators.run(quick=True, folder=tmp_path))
     # three tolerances of the explicit one, a row for each of the others, twice
     assert [next(iter(row)) for row in rows].count("problem") == 10
-    honest = [row for row in rows if "honesty" in row]
-    assert honest
-    assert all(row["pass"] for row in honest), honest
+    measured = [row for row in rows if row.get("method") == "explicit"]
+    assert all(0.0 < row["error"] <= 10.0 * row["estimate"] for row in measured), measured
     assert rows[-1] == bars[0] | {"limit": "of the full run: >= 5", "pass": None}
     assert [path.name for path in tmp_path.iterdir()] == ["integrators.png"]
     assert rows[-1]["pass"] is None  # short problems are reported, not judged
@@ -131,17 +130,6 @@ def test_whoever_takes_long_is_not_called_again(length: float, calls: int, monke
     assert len(made) == calls * len(integrators.QUICK_TOLERANCES)
 
 
-def test_honest_is_within_ten_below_and_a_thousand_above() -> None:
-    assert integrators.honest(1e-9, 1e-9)
-    assert integrators.honest(9e-9, 1e-9)
-    assert not integrators.honest(11e-9, 1e-9)
-    assert not integrators.honest(0.9e-12, 1e-9)
-    assert integrators.honest(0.0, 1e-15)  # rounding may vanish
-    assert not integrators.honest(math.nan, 1e-9)
-    rows = list(integrators.estimates([point("Radau", 1e-9, 1.0, own=True), point("heyoka", 1e-9, 1.0)]))
-    assert [row["method"] for row in rows] == ["Radau"]
-
-
 def test_the_fastest_point_at_an_error() -> None:
     points = [point("m", 1e-6, 1.0), point("m", 1e-8, 100.0), point("m", 1e-7, 1000.0)]
     assert [None if (found := fastest(points, error)) is None else found.ms for error in (1e-7, 1e-3, 1e-9)] == [
@@ -157,7 +145,6 @@ def test_bars_compare_at_equal_or_smaller_error() -> None:
         *own,
         point("CyRK RADAU", 1e-10, 20.0, tolerance=1e-6),
         point("CyRK RADAU", 1e-14, 200.0, tolerance=1e-12),
-        point("scipy Radau", 1e-8, 400.0),
     ]
     found = dict.fromkeys(("linear", "nonlinear", "short beam", "stiff beam"), own)
     found |= {"beam": [*own, point("heyoka", 1e-10, 2.0)], "van der Pol": stiff}
@@ -166,7 +153,6 @@ def test_bars_compare_at_equal_or_smaller_error() -> None:
     named = {row["bar"]: row for row in rows}
     assert named["van der Pol: times faster than CyRK RADAU at 1e-06"]["value"] == pytest.approx(20.0 / 4.0)
     assert named["van der Pol: times faster than CyRK RADAU at 1e-12"]["pass"] is False  # never reached
-    assert named["van der Pol: times faster than scipy Radau at 1e-09"]["value"] == 400.0
     assert named["van der Pol: times faster than CyRK RADAU at 1e-09"]["pass"] is None  # not measured
     assert named["linear at <= 1e-14: times faster than heyoka at 1e-06 of error"]["pass"] is None
     assert named["beam: times faster than heyoka at 1e-09"]["value"] == pytest.approx(2.0 / 4.0)

@@ -16,7 +16,7 @@ METHODS = (("closed form", True), ("explicit", True), ("heyoka", False), ("scipy
 
 def points(shift: float = 1.0) -> list[Point]:
     found = [
-        Point("p", method, own, 10.0**-k, 10.0 ** -(k + shift * i), 10.0**-k, 10.0**-k, (1e-3 * k * (i + 1),))
+        Point("p", method, own, 10.0**-k, 10.0 ** -(k + shift * i), 10.0**-k, (1e-3 * k * (i + 1),))
         for i, (method, own) in enumerate(METHODS)
         for k in (6, 9, 12)
     ]
@@ -31,17 +31,16 @@ def inked(path: Path) -> int:
 
 
 def test_a_line_for_each_method(tmp_path: Path) -> None:
-    from pipeline.benchmarks.pictures import draw_integrators
+    from pipeline.benchmarks.integrators import draw
 
     for name, some in (("all", points()), ("few", points()[:3]), ("none", points()[-1:])):
-        draw_integrators({"a problem": ("nothing", some)}, tmp_path / f"{name}.png")
+        draw({"a problem": ("nothing", some)}, tmp_path / f"{name}.png")
     none, few, every = (inked(tmp_path / f"{name}.png") for name in ("none", "few", "all"))
     assert 0 < none < few < every
 
 
 def test_every_method_has_a_look() -> None:
-    from pipeline.benchmarks.integrators import PEERS
-    from pipeline.benchmarks.pictures import LOOKS
+    from pipeline.benchmarks.integrators import LOOKS, PEERS
     from pipeline.benchmarks.problems import OWN
 
     assert set(LOOKS) == {*OWN, *PEERS}

@@ -144,5 +144,8 @@ def test_the_default_reduces_the_shipped_scene_within_two_sigma():
 
 
 def test_nothing_is_said_of_flags_where_there_are_none(capsys):
-    demo._print_flags([{"method": "shooting", "flags": []}])
-    assert capsys.readouterr().out == ""
+    row = {"method": "shooting", "status": "refused", "error": "too short", "flags": []}
+    demo._print_table([row], 9.81)
+    assert "flags" not in capsys.readouterr().out
+    demo._print_table([row | {"flags": ["arc"]}], 9.81)
+    assert "  arc: shooting" in capsys.readouterr().out

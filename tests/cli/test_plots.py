@@ -10,7 +10,7 @@ from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record
 
 from data_schemas.errors import FileError
 from pipeline.period.cycles import arc_factor
-from pipeline.plots.canvas import PALETTE, angle_scale, robust_limits, running_mean, save, thin, time_scale
+from pipeline.plots.canvas import PALETTE, angle_scale, robust_limits, running_mean, save, time_scale
 from pipeline.plots.result import best_method, demo_figure, record_figure, result_figure
 from pipeline.plots.synchrony import period_figure
 
@@ -197,8 +197,6 @@ def test_scales_suit_their_size():
     low, high = robust_limits(np.append(np.linspace(-1, 1, 1000), 1e9))
     assert -2 < low < -1 < 1 < high < 2
     assert robust_limits(np.full(3, np.nan)) == (-1.0, 1.0)
-    assert thin(np.arange(10.0), np.arange(10.0))[0].size == 10
-    assert thin(np.arange(1e5), np.arange(1e5))[0].size <= 4167
 
 
 def test_the_running_mean_is_the_mean_of_its_window():

@@ -189,17 +189,13 @@ def integrate(times: Floats, start: Floats, own: Pendulums, support: Support, ki
         s, increasing; the start holds at the first.
     start : (pendulums, 2) float64
         Elongation rad and its rate rad/s.
-    own : Pendulums
-    support : Support
     kicks : (pendulums, samples) float64
         Change of the rate at each sample, rad/s over the root of the interval in s; zeros for none.
 
     Returns
     -------
-    elongation : (pendulums, samples) float64
-        rad.
-    state : (pendulums, 2) float64
-        At the last time.
+    elongation : (pendulums, samples) float64, rad
+    state : (pendulums, 2) float64, at the last time
     """
     out, state = np.empty((start.shape[0], times.size)), start.copy()
     fastest = float(np.max(support.rate, initial=0.0))

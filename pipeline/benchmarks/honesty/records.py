@@ -33,7 +33,7 @@ _WAY = 5.0  # m/s, of a ship that turns
 Random = np.random.Generator
 
 
-def sample_times(case: Case, random: np.random.Generator) -> Floats:
+def sample_times(case: Case, random: Random) -> Floats:
     """Times of the samples, s: even, jittered or with samples missing."""
     index = np.arange(int(case.duration * case.rate) + 1)
     times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
@@ -43,7 +43,7 @@ def sample_times(case: Case, random: np.random.Generator) -> Floats:
     return times[kept]
 
 
-def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
     """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
     Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
@@ -62,7 +62,7 @@ def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: np.ran
     return out, tilt
 
 
-def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generator) -> tuple[Floats, Floats]:
+def _scaled(traces: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
     """Gains and zeros; and the case's roll, which drops out of differences."""
     out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
@@ -77,7 +77,7 @@ def _scaled(traces: Floats, times: Floats, case: Case, random: np.random.Generat
     return out, np.radians(case.tilt) * np.cos(roll)
 
 
-def _spoil(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:
+def _spoil(out: Floats, times: Floats, case: Case, random: Random) -> None:
     """Outliers, bursts, and traces that are not what they are called."""
     wrong = random.random(out.shape) < case.outliers
     out[wrong] += _BAD * random.standard_t(3.0, size=int(wrong.sum()))
@@ -92,7 +92,7 @@ def _spoil(out: Floats, times: Floats, case: Case, random: np.random.Generator) 
         out[-1, during] = case.noise * random.normal(size=int(during.sum()))
 
 
-def _lose(out: Floats, times: Floats, case: Case, random: np.random.Generator) -> None:
+def _lose(out: Floats, times: Floats, case: Case, random: Random) -> None:
     """Gaps, never so near the ends that nothing is left outside."""
     for k in range(case.gaps if case.gap else 0):
         room = (0.9 * case.duration) / case.gaps
@@ -208,10 +208,8 @@ def _turned(support: plain.Support, case: Case, random: Random) -> plain.Support
 def _pulses(case: Case, random: Random) -> Floats:
     """Slow accelerations: a turn, across the ship; a change of speed, along it."""
     rows = []
-    for size, span in (
-        (_WAY * math.radians(case.turn), 90.0 / case.turn if case.turn else 0.0),
-        (case.speed_change / 60.0, 60.0),
-    ):
+    turn = _WAY * math.radians(case.turn), 90.0 / (case.turn or math.inf)
+    for size, span in (turn, (case.speed_change / 60.0, 60.0)):
         if size:
             begin = random.uniform(0.1, 0.6) * case.duration
             rows.append([begin, begin + span, size * random.choice([-1, 1])])
@@ -246,15 +244,9 @@ def _swing(
 
 
 def _tree(
-    label: str,
-    times: Floats,
-    traces: Floats,
-    states: dict[str, Floats],
-    frequency: Floats,
-    damping: Floats,
-    case: Case,
-    random: Random,
-) -> DataTree:
+    label: str, times: Floats, traces: Floats, states: dict[str, Floats], frequency: Floats, damping: Floats,
+    case: Case, random: Random,
+) -> DataTree:  # fmt: skip
     """The record in its layout, with what it states."""
     import xarray as xr
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.benchmarks.honesty.kinds import KINDS, STRENGTHS
+from pipeline.benchmarks.honesty.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
 from pipeline.benchmarks.honesty.plain import gravity_at
 from pipeline.benchmarks.honesty.records import Made, record
 from pipeline.benchmarks.tables import Row, at_most, kept, progress, write
@@ -41,6 +40,7 @@ _STEPS = (
     (math.inf, "#e0703c", "above 5: sigma does not hold"),
 )
 _REFUSED = "#dcdcdc"
+GROUPS = {"sea": SEA, "instrument": INSTRUMENT}
 _HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
 _ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
@@ -63,13 +63,14 @@ def reduced(made: Made, method: str) -> Row:
     try:
         result = process(made.tree, method=method)
         (summary,) = summaries(result)
+        row["refused"] = summary["error"] or ""
     except IsochronyError as refusal:
-        return row | {"refused": str(refusal), "seconds": time.process_time() - began}
+        row["refused"] = str(refusal)
     except Exception as fault:  # a crash is a row too, and fails a bar of its own
-        return row | {"refused": f"{_CRASHED}{fault!r}", "seconds": time.process_time() - began}
+        row["refused"] = f"{_CRASHED}{fault!r}"
     row["seconds"] = time.process_time() - began
-    if summary["status"] != "ok":
-        return row | {"refused": summary["error"]}
+    if row["refused"]:
+        return row
     error, sigma = (summary["gravity_m_s2"] - made.gravity) * 1e5, summary["gravity_sigma_mgal"]
     values = {"error_mgal": error, "sigma_mgal": sigma, "z": in_sigmas(error, sigma), "band_z": _band(result, made)}
     return row | values | {"resolved": summary["method"], "flags": " ".join(summary["flags"])}
@@ -103,11 +104,11 @@ def by_kind(rows: Sequence[Row]) -> list[Row]:
     table = []
     for place in itertools.product(dict.fromkeys(row["method"] for row in rows), KINDS, STRENGTHS):
         if some := cells.get(place):
-            method, kind, strength = place
-            cell = {"method": method, "group": KINDS[kind].group, "kind": kind, "strength": strength}
             seconds = float(np.median([row["seconds"] for row in some]))
-            flags = dict.fromkeys(flag for row in some for flag in row["flags"].split())
-            table.append(cell | statistics(some) | {"seconds": seconds, "flags": " ".join(flags)})
+            flags = " ".join(dict.fromkeys(flag for row in some for flag in row["flags"].split()))
+            group = next(name for name, kinds in GROUPS.items() if place[1] in kinds)
+            cell = {"method": place[0], "group": group, "kind": place[1], "strength": place[2]}
+            table.append(cell | statistics(some) | {"seconds": seconds, "flags": flags})
     return table
 
 
@@ -124,16 +125,15 @@ def by_strength(rows: Sequence[Row]) -> list[Row]:
 def statistics(rows: Sequence[Row]) -> Row:
     """Counts, errors and errors in sigmas of some records; NaN of none."""
     estimates = [row for row in rows if not row["refused"]]
-    sizes = np.array([abs(row["z"]) for row in estimates])
-    bands = [row["band_z"] for row in estimates if math.isfinite(row["band_z"])]
+    sizes = np.array([abs(row["z"]) for row in estimates] or [math.nan])
     return {
         "records": len(rows),
         "refused": len(rows) - len(estimates),
         "error_rms_mgal": _rms([row["error_mgal"] for row in estimates]),
-        "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in estimates])) if estimates else math.nan,
-        "worst_z": float(np.max(sizes, initial=-math.inf)) if estimates else math.nan,
+        "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in estimates] or [math.nan])),
+        "worst_z": float(np.max(sizes)),
         "rms_z": _rms(sizes),
-        "band_rms_z": _rms(bands),
+        "band_rms_z": _rms([row["band_z"] for row in estimates if math.isfinite(row["band_z"])]),
         "within_95": float(np.mean(sizes <= _95)) if estimates else math.nan,
         "beyond_4_sigma": int(np.sum(sizes > 4.0)),
         "beyond_5_sigma": int(np.sum(sizes > 5.0)),
@@ -146,8 +146,7 @@ def bars(rows: Sequence[Row]) -> list[Row]:
     for method in dict.fromkeys(row["method"] for row in rows):
         own = [row for row in rows if row["method"] == method]
         sums = statistics(own)
-        read = sums["records"] - sums["refused"]
-        far = sums["beyond_4_sigma"] / read if read else math.nan
+        far = sums["beyond_4_sigma"] / (sums["records"] - sums["refused"] or math.nan)
         table.append(at_most(f"{method}: beyond 4 sigma, share of those not refused", far, 1e-3))
         table.append(at_most(f"{method}: beyond 5 sigma", sums["beyond_5_sigma"], 0.0))
         for words, names, limit in (("weak and middle", STRENGTHS[:2], 0.01), ("strong", STRENGTHS[2:], 0.15)):
@@ -176,7 +175,7 @@ def run(
     seeds : int, optional
         Records of each kind and strength.
     """
-    kinds = [name for name, kind in KINDS.items() if (only in name or only == kind.group)]
+    kinds = [name for name in KINDS if only in name or name in GROUPS.get(only, ())]
     kinds = [name for name in kinds if only or not quick or name in QUICK]
     if not kinds:
         raise UsageError(f"--kind: no group or kind of the suite is like '{only}'; the kinds are {', '.join(KINDS)}")
@@ -209,7 +208,7 @@ def _one(kind: str, strength: str, seed: int, methods: Sequence[str], folder: Pa
     return rows
 
 
-def draw(table: Sequence[Row], method: str, path: str | os.PathLike[str]) -> None:
+def draw(table: Sequence[Row], method: str, path: Path) -> None:
     """Draw the table (rows of `by_kind`) of one method, named in the heading, as PNG."""
     from matplotlib.patches import Patch
 

@@ -1,4 +1,4 @@
-"""Where results go: `-o` as a file or a folder, and refusing to overwrite, decided before any work starts.
+"""What a verb reads must be good, where its outputs go is decided before any work, and nothing is overwritten.
 
 An orderly end when the system asks for one (SIGTERM), as after Ctrl-C: nothing half-written stays.
 """
@@ -12,12 +12,68 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
-from data_schemas.errors import UsageError
+import data_schemas
+from data_schemas.errors import IsochronyError, RecordError, RefusedError, UsageError
+from data_schemas.layouts import LAYOUTS, REWRITTEN
+from pipeline.cli.tables import complain
 
-_ENDINGS = (".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat")
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from data_schemas.layouts import Kind
+
 _IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+_ENDINGS = (
+    ".record.nc", ".result.nc", ".truth.nc", ".nc", ".toml", ".csv", ".tsv", ".txt", ".dat",
+    *(f".film{image}" for image in _IMAGES), *_IMAGES,
+)  # fmt: skip
 STATUS = 128 + signal.SIGTERM  # exit status of a program that was asked to end, as shells count
+_INSTEAD = {
+    "record": "isochrony process reduces it",
+    "truth": "it is what the pipeline must not see: give NAME.record.nc of the same name",
+    "result": "isochrony plot draws it; give NAME.record.nc to reduce again",
+    "film-truth": "it is what the reader must not see: give the film to isochrony digitise",
+    "summary": "it is a table of a batch: open it with xarray, or give its records",
+}  # What to do with a file of each kind
+
+
+def outcome_of(fault: IsochronyError) -> str:
+    """Status of an input that gave nothing, as summaries have it."""
+    return "refused" if isinstance(fault, RefusedError) else "failed"
+
+
+def exit_status(good: int, total: int) -> int:
+    """Exit status of a verb of which some inputs were good."""
+    return 0 if good == total else 1 if good else 3
+
+
+def read_checked(path: Path, kind: Kind) -> DataTree:
+    """Read a file and check it against the layout of its kind.
+
+    `FileError` where it cannot be read; `RecordError` where it is of another kind, or breaks its layout.
+    """
+    tree = data_schemas.read(path)
+    if REWRITTEN in tree.attrs:
+        complain(f"{path}: was written again {tree.attrs[REWRITTEN]}")
+    for other, layout in LAYOUTS.items():
+        if other != kind and tree.attrs.get("schema") == layout.schema:
+            wanted = f"a {kind} ({LAYOUTS[kind].schema!r})"
+            raise RecordError(f"{path}: attribute schema: says a {other}, not {wanted}; {_INSTEAD[other]}")
+    refuse_faults(path, data_schemas.check(tree, kind))
+    return tree
+
+
+def refuse_faults(path: Path, faults: list[str]) -> None:
+    """Raise `RecordError` with the first fault and the number of the others, if there are any.
+
+    A file of another kind has many faults of which only that one matters.
+    """
+    if faults:
+        faults = [fault for fault in faults if fault.startswith("attribute schema:")] or faults
+        more = f" (and {len(faults) - 1} more: isochrony validate {path})" if len(faults) > 1 else ""
+        raise RecordError(f"{path}: {faults[0]}{more}")
 
 
 def stem(path: Path) -> str:
@@ -26,11 +82,8 @@ def stem(path: Path) -> str:
     >>> stem(Path("a/ship.record.nc")), stem(Path("ship.v2.toml")), stem(Path("ship")), stem(Path("ship.film.tif"))
     ('ship', 'ship.v2', 'ship', 'ship')
     """
-    name = path.name
-    for ending in (*_ENDINGS, *(f".film{image}" for image in _IMAGES), *_IMAGES):
-        if name.endswith(ending) and len(name) > len(ending):
-            return name[: -len(ending)]
-    return name
+    fitting = (ending for ending in _ENDINGS if path.name.endswith(ending) and path.name != ending)
+    return path.name.removesuffix(next(fitting, ""))
 
 
 def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from data_schemas.errors import UsageError
-from pipeline.cli.outputs import make_folder, place, refuse_clashes, stem
+from pipeline.cli.files import make_folder, place, refuse_clashes, stem
 
 ONE, TWO = Path("a/ship.record.nc"), Path("b/boat.nc")
 

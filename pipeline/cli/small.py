@@ -1,0 +1,121 @@
+"""`isochrony validate`, `schema`, `explain` and `join`: verbs of a few lines each."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import data_schemas
+from data_schemas.errors import naming
+from pipeline.cli.files import exit_status, read_checked, refuse_clashes
+from pipeline.cli.parser import Verb, one_of
+from pipeline.flag_words import FLAGS
+
+_SCHEMAS = ("scene", "record", "truth", "result", "film-truth", "summary")
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result")
+
+
+def _validate(options: argparse.Namespace) -> int:
+    """Check each file; the exit status says whether all, some or none are good."""
+    good = 0
+    for name in options.files:
+        faults = data_schemas.validate(name)
+        for line in [naming(name, fault) for fault in faults] or [f"{name}: good"]:
+            print(line, flush=True)
+        good += not faults
+    return exit_status(good, len(options.files))
+
+
+def _add_name(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS))
+
+
+def _schema(options: argparse.Namespace) -> int:
+    print(json.dumps(data_schemas.json_schema(options.name), indent=2, ensure_ascii=False))
+    return 0
+
+
+def _add_flag(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name")
+
+
+def _explain(options: argparse.Namespace) -> int:
+    for name in FLAGS if options.flag is None else (options.flag,):
+        meaning, remedy, blocks = FLAGS[name]
+        blocked = f"\n  process refuses records that bear it, unless --accept {name} is given" if blocks else ""
+        print(f"{name}\n  {meaning}\n  remedy: {remedy}{blocked}")
+    return 0
+
+
+def _add_parts(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("parts", metavar="PART", nargs="+", help="record file (NAME.record.nc)")
+    parser.add_argument("-o", dest="out", metavar="PATH", required=True, help="the record of all")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing record")
+
+
+def _join(options: argparse.Namespace) -> int:
+    from pipeline.joining import join_records
+
+    inputs, output = [Path(name) for name in options.parts], Path(options.out)
+    refuse_clashes(inputs, [output], force=options.force)
+    record = join_records([read_checked(path, "record") for path in inputs], [str(path) for path in inputs])
+    data_schemas.write(record, output, overwrite=options.force)
+    time = record.dataset["time"].values
+    print(f"{output}: {len(inputs)} parts, {time.size} samples over {time[-1] - time[0]:.0f} s")
+    return 0
+
+
+VERBS = {
+    "join": Verb(
+        "part records put together",
+        """\
+Put records of the same pendulums together, one after the other: parts of a film that were read one by one, days of a
+cruise. Parts may be named in any order; their times must not overlap, and count from the date in the units of their
+time (start_time in a film's TOML). Constants of the instrument must be the same in all.""",
+        """\
+examples:
+  isochrony join night-1.record.nc night-2.record.nc -o night.record.nc
+
+exit status: 0 joined; 2 usage; 3 a part cannot be used""",
+        _add_parts,
+        _join,
+    ),
+    "validate": Verb(
+        "name every fault of a file",
+        """\
+Check files against their schema: records, truths, results (netCDF) and scenes (TOML).
+
+Each file gets one line "NAME: good", or one line for every fault with its remedy: layout, dimensions, types,
+units, times that do not increase, values that cannot be, content that does not match its checksum.""",
+        """\
+examples:
+  isochrony validate ship.record.nc
+  isochrony validate ship.toml *.nc
+
+exit status: 0 all good; 1 some good; 3 none good""",
+        _add_files,
+        _validate,
+    ),
+    "schema": Verb(
+        "print the layout of a file kind",
+        """\
+Print the JSON Schema of a file kind: every field with its unit, its range and its meaning.
+
+scene describes the TOML file; record, truth, result, film-truth and summary (of a batch) describe the netCDF files,
+group by group.""",
+        "examples:\n  isochrony schema scene\n  isochrony schema record > record.schema.json",
+        _add_name,
+        _schema,
+    ),
+    "explain": Verb(
+        "what a flag means",
+        "Tell what a flag of a result means, and what to do about it; without a name all of them.",
+        "examples:\n  isochrony explain\n  isochrony explain apparatus-fault",
+        _add_flag,
+        _explain,
+    ),
+}

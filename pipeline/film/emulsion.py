@@ -50,6 +50,7 @@ class FilmEmulsion:
     spot: float = 0.0  # px, 1 sigma of the spot on the film; 0 where it is not known
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
     swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
+    shear: float = 0.0  # rows by which the image lags per column, as those traces show it
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
 
     @cached_property

@@ -29,7 +29,9 @@ FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
-REFINEMENTS, ALIKE = 5, 0.02  # at most; change of the logarithms of spot and curve that ends them
+REFINEMENTS, ANEW = 6, 2  # at most; and those in which traces are found anew, as a first guess may miss one
+HIDDEN = 1.8  # of a wrong shear, readings made with it show about half
+ALIKE, SETTLED_SHEAR = 0.02, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 NEAR_GAP = 5  # rows beside one that lacks light
@@ -56,7 +58,8 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     if probed is None:
         return sharp
     section, optics = probed
-    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot, swing=section.period)
+    found = {"swing": section.period, "shear": optics.shear}
+    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot, **found)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
@@ -126,18 +129,19 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
     """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
     for turn in range(REFINEMENTS):
         before = optics
-        optics = replace(optics, shear=optics.shear + measure_shear(section))
+        optics = replace(optics, shear=optics.shear + HIDDEN * measure_shear(section))
         if not fixed:
             optics = calibrate(section, optics)
-        again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
+        again = None
+        if turn < ANEW:
+            again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
         if again is None or len(again.swings) < len(section.swings):
             again = follow_from(section.swings, section.darkness, section.first, section.begin, optics, 1.0)
         section = again
         shape, shape_before = (
             np.log([each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast]) for each in (optics, before)
         )
-        settled = np.abs(shape - shape_before).max() < ALIKE and abs(optics.shear - before.shear) < 1e-5
-        if settled or (fixed and turn == 1):
+        if np.abs(shape - shape_before).max() < ALIKE and abs(optics.shear - before.shear) < SETTLED_SHEAR:
             break
     return section, optics
 

@@ -247,7 +247,7 @@ def follow_traces(
     RefusedError
         Nothing swings on the film, or fewer traces than were expected.
     """
-    given = Optics(emulsion.spot, 0.0, emulsion.curve, emulsion.grain) if emulsion.spot else None
+    given = Optics(emulsion.spot, emulsion.shear, emulsion.curve, emulsion.grain) if emulsion.spot else None
     darkness = partial(shown_darkness, emulsion, scan)
     probed = probe(darkness, scan.rows, float(np.sqrt(emulsion.grain[0])), count, given, emulsion.swing or None)
     if probed is None:

@@ -19,7 +19,7 @@ import pytest
 from batch_parts import METHODS, alike, config_of, numbers_of, write_record
 
 import data_schemas
-from data_schemas import encoding, writing
+from data_schemas import writing
 from pipeline.batch import campaign, ledger, summary
 from pipeline.batch import executors as isolated
 from pipeline.batch.campaign import Tally, remove_leftovers
@@ -130,7 +130,7 @@ RESUMED = {
     "resume: before the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1)),
     "resume: after the torn end is cut": lambda: set_os(ledger, ftruncate=nth(os.ftruncate, 1, before=False)),
     "resume: while what holds is looked at": lambda: set_attribute(campaign, "_sum_of", nth(campaign._sum_of, 2)),
-    "resume: before the second result is made again": lambda: set_attribute(encoding, "lay_out", die),
+    "resume: before the second result is made again": lambda: set_attribute(writing, "lay_out", die),
 }
 
 

@@ -30,6 +30,9 @@ PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
 REFINEMENTS, ANEW = 6, 2  # at most; and those in which traces are found anew, as a first guess may miss one
+ROUGH = (
+    1e-3  # growth of the variance with darkness, at least, while the curve is not known: fine grain would reject all
+)
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half
 ALIKE, SETTLED_SHEAR = 0.02, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
@@ -65,7 +68,7 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
     curve = ToneCurve(max(_darkest(darkness), 3.0 * sigma), 0.2, 1.5)
-    return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, 10.0 * sigma**2]))
+    return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, max(10.0 * sigma**2, ROUGH)]))
 
 
 def _darkest(darkness: NDArray[np.float32]) -> float:
@@ -132,11 +135,11 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         optics = replace(optics, shear=optics.shear + HIDDEN * measure_shear(section))
         if not fixed:
             optics = calibrate(section, optics)
-        again = None
+        again, rough = None, optics if fixed else replace(optics, grain=np.maximum(optics.grain, [0.0, ROUGH]))
         if turn < ANEW:
-            again = read_section(section.darkness, section.first, optics, section.period, None, least=SURE)
+            again = read_section(section.darkness, section.first, rough, section.period, None, least=SURE)
         if again is None or len(again.swings) < len(section.swings):
-            again = follow_from(section.swings, section.darkness, section.first, section.begin, optics, 1.0)
+            again = follow_from(section.swings, section.darkness, section.first, section.begin, rough, 1.0)
         section = again
         shape, shape_before = (
             np.log([each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast]) for each in (optics, before)

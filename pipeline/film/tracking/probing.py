@@ -61,8 +61,8 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     if probed is None:
         return sharp
     section, optics = probed
-    found = {"swing": section.period, "shear": optics.shear}
-    return replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot, **found)
+    optical = replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot)
+    return replace(optical, swing=section.period, shear=optics.shear)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:

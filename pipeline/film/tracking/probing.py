@@ -29,12 +29,12 @@ FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
-REFINEMENTS, ANEW = 6, 2  # at most; and those in which traces are found anew, as a first guess may miss one
+REFINEMENTS, ANEW = 8, 2  # at most; and those in which traces are found anew, as a first guess may miss one
 ROUGH = (
     1e-3  # growth of the variance with darkness, at least, while the curve is not known: fine grain would reject all
 )
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half
-ALIKE, SETTLED_SHEAR = 0.02, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
+ALIKE, SETTLED_SHEAR = 0.005, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
 NEAR_GAP = 5  # rows beside one that lacks light
@@ -53,8 +53,10 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     """Blank film, grain, characteristic curve and spot, from strips spread over the film, dark lines on light."""
     plain = plain_emulsion(scan)
     clumps, blurred = clumps_of(scan, plain)
-    # of white grain that was blurred a little, pixels beside each other share twice the blur's half variance
-    sharp = replace(plain, blur=min(0.5 * float(clumps[1:2].sum()), MOST_BLUR))
+    # of white grain that was blurred a little, pixels beside each other share twice the blur's half variance, and next
+    # ones nothing; what rounding makes of faint grain they share alike
+    beside, next_one = np.append(clumps, [0.0, 0.0])[1:3]
+    sharp = replace(plain, blur=float(np.clip(0.5 * (beside - next_one), 0.0, MOST_BLUR)))
     clumps, variance = clumps_of(scan, sharp)
     sharp = replace(sharp, clumps=clumps, grain=plain.grain * (variance / blurred))
     probed = probe(partial(shown_darkness, sharp, scan), scan.rows, float(np.sqrt(sharp.grain[0])))
@@ -152,14 +154,17 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
 def _read_askew(
     piece: NDArray[np.float32], first: int, guess: Optics, period: float | None, count: int | None
 ) -> tuple[Section, Optics] | None:
-    """A section read with the first of several ways the slit may stand to the rows that leads anywhere."""
+    """A section read with the first of several ways the slit may stand to the rows that suits it, or the best."""
     seeds = find_swings(piece, first, guess.spot, float(np.sqrt(guess.grain[0])), period)
+    read: list[tuple[Section, Optics]] = []
     for askew in ASKEW:
         optics = replace(guess, shear=guess.shear + askew)
         section = read_section(piece, first, optics, period, count, seeds)
         if section is not None:
-            return section, optics
-    return None
+            read.append((section, optics))
+            if section.share.min() >= SURE:
+                break
+    return max(read, key=lambda each: float(each[0].share.sum()), default=None)
 
 
 def calibrate(section: Section, optics: Optics) -> Optics:

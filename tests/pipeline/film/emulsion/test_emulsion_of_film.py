@@ -101,3 +101,22 @@ def test_the_curve_is_told_from_the_film_itself(blur):
     assert np.abs(curve.darkness(grid) / true.darkness(grid) - 1.0).max() < 0.03  # what its use rests on
     assert emulsion.grain[0] == pytest.approx((0.03 / SCANNER) ** 2 * FOG, rel=0.3)
     assert emulsion.grain[1] == pytest.approx((0.03 / SCANNER) ** 2 * SCANNER, rel=0.35)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("strength", [1.0, 3.0])
+def test_fine_grain_does_not_hide_dark_turning_points(strength):
+    traces = [Swinging(110.0, 60.0, 0.3), Swinging(290.0, 55.0, 2.0, slow=8.0)]
+    film = strength * exposure_of(traces, 700, 400, shutter(700))
+    curve = measure_emulsion(Sheet(developed(film, grain=0.004))).curve
+    true = ToneCurve((DENSEST - FOG) / SCANNER, MIDDLE / strength, CONTRAST)
+    grid = np.linspace(0.05, 0.9, 40)
+    assert np.abs(curve.darkness(grid) / true.darkness(grid) - 1.0).max() < 0.015
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("shear", [0.0, 0.0052, -0.0087])
+def test_the_slant_of_the_slit_is_measured(shear):
+    traces = [Swinging(110.0, 60.0, 0.3), Swinging(290.0, 55.0, 2.0, slow=8.0)]
+    film = exposure_of(traces, 700, 400, shutter(700), shear=shear)
+    assert measure_emulsion(Sheet(developed(film, grain=0.03))).shear == pytest.approx(shear, abs=2e-4)

@@ -111,7 +111,7 @@ def test_fine_grain_does_not_hide_dark_turning_points(strength):
     curve = measure_emulsion(Sheet(developed(film, grain=0.004))).curve
     true = ToneCurve((DENSEST - FOG) / SCANNER, MIDDLE / strength, CONTRAST)
     grid = np.linspace(0.05, 0.9, 40)
-    assert np.abs(curve.darkness(grid) / true.darkness(grid) - 1.0).max() < 0.015
+    assert np.abs(curve.darkness(grid) / true.darkness(grid) - 1.0).max() < 0.025
 
 
 @pytest.mark.compiled

@@ -38,6 +38,7 @@ def doubtful(codes: list[float]) -> list[tuple[float, float, float]]:
         ([-2 + 0, 120, 240, 360], []),  # before the first mark
         ([5, 240, 360], [(0, 240, 2.5)]),
         ([7, 120, 240, 477], [(0, 120, 3.5), (240, 600, 1.5)]),
+        ([0, 120, 240, 400], []),  # 20 s out of step: no stand is overlooked for so long
     ],
 )
 def test_codes_out_of_step_beyond_those_that_agree(codes: list[float], expected: list[tuple[float, float, float]]):

@@ -22,7 +22,8 @@ from pipeline.joint.explanation import Fitted, angles, fitted
 HARMONICS = range(2, 9)  # of the swing; the first is the swing itself, and gravity's
 ALIASED = 0.8  # of half the sampling rate, from which a harmonic may be another one
 PAYS = 15.0  # in log-likelihood, of the four constants of a harmonic
-MOST = 3e-4  # of the swing; larger ones are left to explanations that move gravity, as optics that are not linear do
+MOST = 3e-4, 3e-3  # of the swing, of odd and even harmonics: larger odd ones are left to explanations that move gravity,
+# as optics that are not linear do; even ones are of a slit that lies askew
 LEAST = 1000  # readings
 NOTHING = 0.03  # of an error
 TINY = 1e-12
@@ -60,7 +61,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
             square = float(error @ error)
             if tells_law and k == 3 and own.size * (amplitude**3 / 192.0) ** 2 > NOTHING**2 * square:
                 continue
-            if 2.0 * PAYS * noise[trace] ** 2 < square < own.size * (MOST * amplitude) ** 2:
+            if 2.0 * PAYS * noise[trace] ** 2 < square < own.size * (MOST[k % 2 == 0] * amplitude) ** 2:
                 value[own] -= error
                 rest -= error
                 squares[trace] += square / own.size

@@ -22,9 +22,9 @@ from pipeline.joint.explanation import Fitted, angles, fitted
 HARMONICS = range(2, 9)  # of the swing; the first is the swing itself, and gravity's
 ALIASED = 0.8  # of half the sampling rate, from which a harmonic may be another one
 PAYS = 15.0  # in log-likelihood, of the four constants of a harmonic
-MOST = 3e-4, 3e-3
-"""Of the swing, of odd and of even harmonics. Larger odd ones are left to explanations that move gravity, as optics that
-are not linear do; even ones are of a slit that lies askew."""
+MOST = 3e-4, 3e-3  # of the swing, of odd and of even harmonics
+"""Larger odd ones are left to explanations that move gravity, as optics that are not linear do; even ones are of a slit
+that lies askew."""
 LEAST = 1000  # readings
 NOTHING = 0.03  # of an error
 TINY = 1e-12

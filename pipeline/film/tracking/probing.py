@@ -33,7 +33,7 @@ REFINEMENTS, ANEW = 8, 2  # at most; and those in which traces are found anew, a
 ROUGH = (
     1e-3  # growth of the variance with darkness, at least, while the curve is not known: fine grain would reject all
 )
-HIDDEN = 1.8  # of a wrong shear, readings made with it show about half
+HIDDEN = 1.8  # of a wrong shear, readings made with it show about half; of short sections, more
 ALIKE, SETTLED_SHEAR = 0.005, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
 ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
@@ -132,9 +132,11 @@ def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[
 
 def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
     """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
+    shown, pace = 0.0, HIDDEN
     for turn in range(REFINEMENTS):
-        before = optics
-        optics = replace(optics, shear=optics.shear + HIDDEN * measure_shear(section))
+        before, last, shown = optics, shown, measure_shear(section)
+        pace = 0.5 * pace if shown * last < 0.0 else pace  # too far
+        optics = replace(optics, shear=optics.shear + pace * shown)
         if not fixed:
             optics = calibrate(section, optics)
         again, rough = None, optics if fixed else replace(optics, grain=np.maximum(optics.grain, [0.0, ROUGH]))

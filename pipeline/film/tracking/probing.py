@@ -30,9 +30,7 @@ PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
 ENOUGH = 3  # sections with traces
 REFINEMENTS, ANEW = 8, 2  # at most; and those in which traces are found anew, as a first guess may miss one
-ROUGH = (
-    1e-3  # growth of the variance with darkness, at least, while the curve is not known: fine grain would reject all
-)
+ROUGH = 1e-3  # growth of the variance with darkness, at least, while the curve is not known: less would reject dark rows
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half; of short sections, more
 ALIKE, SETTLED_SHEAR = 0.005, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
@@ -131,7 +129,10 @@ def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[
 
 
 def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
-    """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads."""
+    """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads.
+
+    With `fixed` optics the shear alone is fitted.
+    """
     shown, pace = 0.0, HIDDEN
     for turn in range(REFINEMENTS):
         before, last, shown = optics, shown, measure_shear(section)

@@ -26,7 +26,7 @@ let stepped = false; // whether keys moved it since the last point: then Enter s
 // ---- to and from the server
 function take(state, words) {
   const old = shown.state, refined = old?.gravity.refining && !state.gravity.refining;
-  if (JSON.stringify(old) === JSON.stringify(state)) return later();
+  if (!words && JSON.stringify(old) === JSON.stringify(state)) return later();
   shown.state = state;
   if (!old) film.start();
   if (old?.revision !== state.revision) times();

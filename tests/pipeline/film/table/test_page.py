@@ -415,6 +415,8 @@ def test_reading_without_gravity_says_why(page: Page, monkeypatch: pytest.Monkey
     state = page.session.state()
     state["gravity"] |= {"value_m_s2": None, "sigma_mgal": None, "change_mgal": None, "refused": "one trace is left"}
     monkeypatch.setattr(page.session, "state", lambda: state | {"revision": 9, "doubtful": []})
+    page.driver.execute_script("dispatchEvent(new Event('focus'))")  # asks for the state: what an edit brings is known
+    page.until(lambda: page.text("#gravity") == "none")
     page.type("b", Keys.ENTER)
     page.until(lambda: page.text("#message").startswith("Break set. "))
     assert page.text("#gravity") == "none"

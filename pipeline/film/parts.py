@@ -40,12 +40,13 @@ class Tracks:
     qc: NDArray[np.uint16]  # the record's flags: gap, saturated, ambiguous, lost, overlap, single_direction
     rows_per_swing: float  # in one full period, of the whole film
     spot: float  # px, 1 sigma of the spot on the scan
+    shear: float = 0.0  # rows by which the image lags per column, as the swings show it
 
     @staticmethod
-    def empty(traces: int, rows: int, rows_per_swing: float, spot: float) -> Tracks:
+    def empty(traces: int, rows: int, rows_per_swing: float, spot: float, shear: float = 0.0) -> Tracks:
         """Nothing read yet."""
         a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
-        return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot)
+        return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot, shear)
 
     def forget(self, rows: slice) -> None:
         """Take back what was read of some rows."""

@@ -235,7 +235,7 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
-            return fit, kicked
+            return motion.reshaped(fit), kicked
     best = motion.reshaped(best)
     return best, best
 

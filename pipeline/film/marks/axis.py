@@ -77,7 +77,9 @@ def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive, hidden: float) -> fl
     rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
     h, shake, roughness = paper.model.step, np.exp(2.0 * paper.model.shake), np.exp(2.0 * paper.model.roughness)
     unseen = shake * h**3 / 420.0 + roughness * h**5 / 55440.0 + hidden**2
-    unseen += np.mean(np.where(seen, 0.0, paper.row_sigma**2))
+    # marks that are missing side by side are late together
+    together = np.bincount(np.cumsum(seen)[~seen], paper.row_sigma[~seen])
+    unseen += np.sum(together**2) / seen.size
     return float(np.sqrt(np.mean(rest**2 + paper.row_sigma[seen] ** 2) + unseen) / np.median(paper.speed))
 
 

@@ -6,6 +6,9 @@ course across the film and a lead h along it, each pixel weighed by its grain. A
 further out it is (a tracker that misjudges an oblique image draws such ones) would else take the gap along. Both ends
 of the gap are edges of a line of known shape, so the fit is as good as the grain allows (the Cramer-Rao bound of the
 model), on steep strokes and in turning points alike.
+
+Where the slit stands askew, by `shear` rows a column, a line of slope v runs 1 - shear v of the slit's time a row: so
+bright it is, and the middle of the closed time is not that of the gap's rows.
 """
 
 from __future__ import annotations
@@ -101,7 +104,7 @@ def draw(patch: Patch, row: float, column: float, slope: float, weight: float, s
 @kernel
 def shade(
     patch: Patch, course: Floats, slope: Floats, begin: float, end: float, shift: float, lead: float, spot: float,
-    sloped: bool,
+    shear: float, sloped: bool,
 ) -> None:  # fmt: skip
     """Draw a curve from row `begin` to `end`, moved by `shift` across and by `lead` rows earlier along the film.
 
@@ -124,7 +127,7 @@ def shade(
         column, lean = place(course, slope, middle)
         column += shift + lead * lean
         if left < column < right:
-            draw(patch, middle, column, lean, step, spot, sloped)
+            draw(patch, middle, column, lean, step * (1.0 - shear * lean), spot, sloped)
         row += step
 
 
@@ -182,7 +185,7 @@ def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> f
 @kernel
 def brightness_along(
     exposure: Floats, first: int, course: Floats, slope: Floats, curvature: Floats, begin: int, steps: int,
-    spot: float, width: float, out: Floats, dark: Floats,
+    spot: float, shear: float, width: float, out: Floats, dark: Floats,
 ) -> None:  # fmt: skip
     """Exposure on the line over that expected of its slope and bend, at `steps` places a row from row `begin` on.
 
@@ -201,7 +204,7 @@ def brightness_along(
         value += look(exposure, first, row + dr, column + dc) + look(exposure, first, row - dr, column - dc)
         bend = curvature[min(int(row), course.size - 1)]
         whole = light_at_rest(lean, bend, spot, 1e3)
-        out[k] = value / (2.67 * whole)  # 1 + 2 exp(-0.18)
+        out[k] = value / (2.67 * whole * (1.0 - shear * lean))  # 1 + 2 exp(-0.18)
         dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole
 
 
@@ -209,6 +212,7 @@ class Known(NamedTuple):
     """What is known of spot, grain and gaps."""
 
     spot: float  # 1 sigma, px
+    shear: float  # rows by which the image lags per column
     grain: Floats  # 1 sigma of the exposure of a pixel at every `grain_step` of exposure from 0 on
     grain_step: float
     lateral: float  # 1 sigma of the course across the line, px
@@ -222,7 +226,7 @@ def fit_gap(
     layers: Floats, out: Floats,
 ) -> bool:  # fmt: skip
     """Fit one gap; False, with `out` NaN, where it cannot be done."""
-    spot, grain = known.spot, known.grain
+    spot, shear, grain = known.spot, known.shear, known.grain
     out[:] = math.nan
     course, slope = courses[trace], slopes[trace]
     first_row, last_row, low, high = window(course, slope, mark, width, spot)
@@ -247,7 +251,7 @@ def fit_gap(
         which = other if other < courses.shape[0] else trace
         begin = mark + near if other == courses.shape[0] else top - reach
         end = mark - near if other == trace else top + rows + reach
-        shade(others, courses[which], slopes[which], begin, end, 0.0, 0.0, spot, False)
+        shade(others, courses[which], slopes[which], begin, end, 0.0, 0.0, spot, shear, False)
     here, lean = place(course, slope, mark)
     sideways = known.lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, h, a, b, drawn, led = mark, width, 0.0, 0.0, 1.0, 1.0, math.inf, 0.0
@@ -257,7 +261,7 @@ def fit_gap(
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean) or abs(h - led) > 0.02:
             layer[:3] = 0.0
             begin, end = max(top - reach, mark - near), min(top + rows + reach, mark + near)
-            shade(whole, course, slope, begin, end, d, h, spot, True)
+            shade(whole, course, slope, begin, end, d, h, spot, shear, True)
             drawn, led = d, h
             bright = line.max()
             if turn == 0:
@@ -269,13 +273,13 @@ def fit_gap(
                             under += line[y, x] ** 2
                 a = b = max(over / under if under > 0.0 else 1.0, 0.05)
         layer[3:8] = 0.0
-        shade(lost, course, slope, m - 0.5 * w, m + 0.5 * w, d, h, spot, True)
+        shade(lost, course, slope, m - 0.5 * w, m + 0.5 * w, d, h, spot, shear, True)
         for side in range(2):
             edge = m + (side - 0.5) * w
             at, steep = place(course, slope, edge)
             if math.isnan(at):
                 return False
-            draw(Patch(layer[6 + side], far, far, top, left), edge, at + d + h * steep, 0.0, 1.0, spot, False)
+            draw(Patch(layer[6 + side], far, far, top, left), edge, at + d + h * steep, 0.0, 1.0 - shear * steep, spot, False)
         right[:] = 0.0
         normal[:] = 0.0
         misfit, count = 0.0, 0
@@ -335,8 +339,10 @@ def fit_gap(
     along = normal[0, 0] + 2.0 * normal[0, 5] + normal[5, 5]
     across = lean * lean * along + normal[3, 3] + 2.0 * lean * (normal[0, 3] + normal[3, 5])
     deep = normal[2, 2] - 2.0 * b / a * normal[1, 2] + (b / a) ** 2 * normal[1, 1]
-    out[ROW], out[ROW_SIGMA] = m, math.sqrt(normal[0, 0])
-    out[COLUMN], out[COLUMN_SIGMA] = here + d + h * lean, math.sqrt(max(across, 0.0))
+    before, after = place(course, slope, m - 0.5 * w)[0], place(course, slope, m + 0.5 * w)[0]
+    late = shear * (here - 0.5 * (before + after))
+    out[ROW], out[ROW_SIGMA] = m + late, math.sqrt(normal[0, 0])
+    out[COLUMN], out[COLUMN_SIGMA] = here + d + (h + late) * lean, math.sqrt(max(across, 0.0))
     out[DEPTH], out[DEPTH_SIGMA] = b / a, math.sqrt(max(deep, 0.0)) / a
     out[WIDTH], out[WIDTH_SIGMA] = w, math.sqrt(normal[4, 4])
     out[SLOPE], out[LIGHT], out[MISFIT] = lean, a, misfit / count

@@ -122,7 +122,7 @@ def fitted(
 ) -> Floats:  # fmt: skip
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
     widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
-    known = Known(tracks.spot, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
+    known = Known(tracks.spot, tracks.shear, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 
@@ -137,7 +137,7 @@ def relative_light(
     light, dark = np.empty((2, rows.size))
     brightness_along(
         exposure, first, tracks.course[trace], tracks.slope[trace], tracks.curvature[trace],
-        begin, steps, tracks.spot, width, light, dark,
+        begin, steps, tracks.spot, tracks.shear, width, light, dark,
     )  # fmt: skip
     edges = np.linspace(0, rows.size, max(rows.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1) + 1)
     parts = [light[low:high] for low, high in itertools.pairwise(edges.astype(int))]

@@ -123,7 +123,7 @@ def fitted_gaps(
     """
     table, exposure = np.concatenate(gaps) - first, emulsion.lit(np.nan_to_num(darkness))
     trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
-    known = Known(emulsion.spot, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
+    known = Known(emulsion.spot, emulsion.shear, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
     result = fit_gaps(exposure, 0, place, slope, trace, table.mean(axis=1), table[:, 1] - table[:, 0], known)
     good = result[:, ROW_SIGMA] < MOST_SIGMA
     table[good] = result[good, ROW, None] + result[good, WIDTH, None] * np.array([-0.5, 0.5])

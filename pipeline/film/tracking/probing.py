@@ -42,6 +42,7 @@ LEAST_ROWS, MOST_ROWS = 40, 260
 ROUNDS, SETTLED, HUBER = 20, 0.1, 3.0  # chi square of a step that ends them
 MOST_BLUR = 0.18  # px2, half the variance of a scanner's blur: grain that is alike farther is the film's
 USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
+SHAPE, LAMPS = 5, 0.3  # unknowns of spot and curve; 1 sigma of a lamp's brightness, relative
 PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
 SHEAR_SWINGS = 1.5
 Darkness = Callable[[int, int], NDArray[np.float32]]
@@ -183,32 +184,36 @@ def calibrate(section: Section, optics: Optics) -> Optics:
     states[:, :, 0] += np.where(np.isfinite(read), read - place_and_rate(states)[0], 0.0)
 
     def model(unknowns: Floats) -> tuple[Floats, Floats]:
-        spot, *shape = np.exp(unknowns)
-        exposure, pixels = _exposures(section.darkness, rows, traces, states, lamp, spot, optics.spot, optics.shear)
+        spot, *shape = np.exp(unknowns[:SHAPE])
+        lamps = lamp * np.exp([0.0, *unknowns[SHAPE:]])
+        exposure, pixels = _exposures(section.darkness, rows, traces, states, lamps, spot, optics.spot, optics.shear)
         return ToneCurve(*shape).darkness(exposure), pixels
 
     grain = optics.grain
     curve = optics.curve
-    usual = np.log([optics.spot, _darkest(section.darkness), 1.0, *USUAL])
-    unknowns = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
+    # lamps beside the first's: at other slopes, the curve before showed them too bright or too faint
+    usual = np.append(np.log([optics.spot, _darkest(section.darkness), 1.0, *USUAL]), np.zeros(len(section.swings) - 1))
+    unknowns, prior = usual.copy(), np.append(PRIOR_SIGMA, np.full(len(section.swings) - 1, LAMPS))
+    unknowns[:SHAPE] = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
     for _ in range(ROUNDS):
         dark, pixels = model(unknowns)
         residual = pixels - dark
         weight = 1.0 / (grain[0] + grain[1] * dark)
         size = np.abs(residual) * np.sqrt(weight)
         weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
-        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(5)], axis=1)
-        normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(1e-3 + PRIOR_SIGMA**-2)
-        right = jacobian.T @ (weight * residual) + (usual - unknowns) / PRIOR_SIGMA**2
+        jacobian = np.stack([(model(unknowns + each)[0] - dark) / 1e-4 for each in 1e-4 * np.eye(prior.size)], axis=1)
+        normal = jacobian.T @ (weight[:, None] * jacobian) + np.diag(1e-3 + prior**-2)
+        right = jacobian.T @ (weight * residual) + (usual - unknowns) / prior**2
         step = np.linalg.solve(normal, right)
-        if unknowns[4] + step[4] < 0.0:  # no shoulder is softer than a hyperbola's
-            unknowns[4], step[4] = 0.0, 0.0
-            step[:4] = np.linalg.solve(normal[:4, :4], right[:4])
+        if unknowns[SHAPE - 1] + step[SHAPE - 1] < 0.0:  # no shoulder is softer than a hyperbola's
+            unknowns[SHAPE - 1] = step[SHAPE - 1] = 0.0
+            others = np.delete(np.arange(prior.size), SHAPE - 1)
+            step[others] = np.linalg.solve(normal[np.ix_(others, others)], right[others])
         unknowns = unknowns + step * min(1.0, 0.3 / float(np.max(np.abs(step))))
         grain = _grain(residual, dark, float(optics.grain[0]))
         if float(step @ normal @ step) < SETTLED:
             break
-    spot, *shape = (float(each) for each in np.exp(unknowns))
+    spot, *shape = (float(each) for each in np.exp(unknowns[:SHAPE]))
     return replace(optics, spot=spot, curve=ToneCurve(*shape), grain=grain)
 
 

@@ -103,7 +103,7 @@ class Following:
     def of(film: Film, section: Section) -> Following:
         """All traces of a section followed over the whole film, both ways."""
         traces, rows = len(section.swings), film.scan.rows
-        tracks = Tracks.empty(traces, rows, film.period, film.optics.spot)
+        tracks = Tracks.empty(traces, rows, film.period, film.optics.spot, film.optics.shear)
         misfit, (place, variance, light) = np.empty((traces, rows), np.float32), np.empty((3, traces, rows))
         out = Following(film, section, tracks, misfit, place, variance, light, np.zeros((traces, rows), np.uint8))
         pieces, idle = range(len(film.pieces)), Filter.idle(traces, film.period)

@@ -50,7 +50,7 @@ def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
     exposure, tracks, steps = moment.emulsion.exposure(moment.scan.image, 0), moment.tracks, 4
     light, dark = np.empty(60 * steps), np.empty(60 * steps)
     brightness_along(
-        exposure, 0, tracks.course[0], tracks.slope[0], tracks.curvature[0], 50, steps, tracks.spot, 1.8, light, dark
+        exposure, 0, tracks.course[0], tracks.slope[0], tracks.curvature[0], 50, steps, tracks.spot, 0.0, 1.8, light, dark
     )
     assert np.nanmedian(light) == pytest.approx(1.0, abs=0.15)
     rows = 50 + (np.arange(light.size) + 0.5) / steps

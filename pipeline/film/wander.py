@@ -151,4 +151,5 @@ def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:
         middles.append(middle)
     if len(middles) < 4:
         return None
-    return np.asarray(CubicSpline(middles, values)(np.clip(time, middles[0], middles[-1])))
+    course, inside = CubicSpline(middles, values), np.clip(time, middles[0], middles[-1])
+    return np.asarray(course(inside) + (time - inside) * course(inside, 1))

@@ -34,7 +34,8 @@ ROUGH = 1e-3  # least growth of the variance with darkness while the curve is no
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half; of short sections, more
 ALIKE, SETTLED_SHEAR = 0.005, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
-ASKEW = (0.0, 0.009, -0.009, 0.018, -0.018, 0.027, -0.027)  # rows a column: half a degree and its multiples
+ASKEW = 0.0045 * np.array([0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5, 6, -6, 7, -7, 8, -8])  # rows a column
+UPRIGHT = 0.8  # share of rows read, with a first guess of the optics, by which the slit stands about so
 NEAR_GAP = 5  # rows beside one that lacks light
 LACKING = 0.9
 ALIKE_ROWS = 61  # rows of like slope, about, that say how bright a line seems there
@@ -166,7 +167,7 @@ def _read_askew(
         section = read_section(piece, first, optics, period, count, seeds)
         if section is not None:
             read.append((section, optics))
-            if section.share.min() >= SURE:
+            if section.share.min() >= UPRIGHT:
                 break
     return max(read, key=lambda each: float(each[0].share.sum()), default=None)
 

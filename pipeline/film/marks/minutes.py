@@ -24,7 +24,7 @@ ABOUT = 6  # marks that show the paper's speed at the ends
 LONELY = 3.0  # minutes under which a film may show one full minute only
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
-LONGEST_STAND = 12.0  # s
+STAND, HIDDEN_STAND = 2.5, 12.0  # s, at most without a bar: where traces can show one, and where none can
 FAR = 3  # marks missing around an event whose place is not known
 
 
@@ -157,17 +157,18 @@ def _commonest_fraction(place: Floats, cycle: int) -> float:
     return fraction
 
 
-def doubts(minutes: Minutes, count: Count, interval: float) -> list[tuple[float, float, float]]:
+def doubts(minutes: Minutes, count: Count, interval: float, *, shown: bool) -> list[tuple[float, float, float]]:
     """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
 
-    Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper for longer
-    than `LONGEST_STAND` would explain, which leaves a bar that nobody overlooks.
+    Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper would explain
+    which leaves a bar that nobody overlooks: of several swings where `shown`, where a trace can show bars.
     """
     agree, number, half = minutes.agree, minutes.number, minutes.cycle // 2
     if minutes.kind != "double" or minutes.residue is None or not agree.size:
         return []
     away = np.abs(np.mod(number - minutes.residue + half, minutes.cycle) - half)
-    number, away = number[away * interval <= LONGEST_STAND], away[away * interval <= LONGEST_STAND]
+    hidden = away * interval <= (STAND if shown else HIDDEN_STAND)
+    number, away = number[hidden], away[hidden]
     low, high = float(agree.min()), float(agree.max())
     sides = ((number < low, float(count.index[0]), low), (number > high, high, float(count.index[-1])))
     return [(first, last, interval * float(away[beyond].max())) for beyond, first, last in sides if beyond.any()]

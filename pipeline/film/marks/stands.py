@@ -22,6 +22,7 @@ INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the l
 QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
 SWEPT, FAINT = 0.4, 0.5  # of the light of one stroke, from which rows are a bar; of that, where another trace has one
 CERTAIN = 6.0  # sigmas of the grain
+STROKES = 4.0  # of a line, that a bar on which all depends has at least
 ALONE = 0.5  # of the swing: across less, a stroke near its turn fills as much as a bar
 DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
 APART = 20.0  # rows within which bars of several traces are one
@@ -104,11 +105,11 @@ def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> F
 
 
 def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> Bars:
-    """The bars on each trace, None where it cannot show one, from what `light_across` gives of all rows."""
+    """The bars on each trace, None where it cannot show one or is too faint to, from what `light_across` gives of all rows."""
     dim = CERTAIN * float(grain(emulsion)[0][0])
     found: Bars = []
     for own, least, strokes in zip(across, *light, strict=True):
-        if own is None:
+        if own is None or STROKES * own.peak < dim:
             found.append(None)
             continue
         usual, enough = float(np.median(least)), max(SWEPT * own.peak, dim)

@@ -36,6 +36,7 @@ NEAR_PIECES, FAR_PIECES = 3, 8  # searched from the film's start, and from there
 LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
 LEAST_READ = 0.15  # of the rows, and of the share of the best trace
 STRANGE = 4.0  # mean square residual, in units of the grain's, of more than a line
+COARSE = 1e-3  # growth of the grain's variance with darkness, below which it is finer than what is known of lines
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read in half a swing, from which a trace is there
 LEAST_LINE = 0.5  # of a swing, from which a line drawn by hand starts a trace
@@ -130,7 +131,7 @@ class Following:
 
     def checked(self) -> Tracks:
         """The traces, where they can be trusted; see `checked`."""
-        return checked(self.tracks, self.misfit)
+        return checked(self.tracks, self.misfit, float(self.film.optics.grain[1]))
 
     def _forward(self, pieces: range, begun: Filter, last: Last) -> None:
         """Follow all traces along some pieces; those that were lost are searched for at the start of each."""
@@ -263,20 +264,22 @@ def follow_traces(
     return Following.of(film, first_section(film, section))
 
 
-def checked(out: Tracks, misfit: NDArray[np.float32]) -> Tracks:
-    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's.
+def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = COARSE) -> Tracks:
+    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
+    variance grows with darkness by `growth`.
 
     Raises
     ------
     RefusedError
         Something else lies on a trace, one is hardly read, or two are one line.
     """
+    most = STRANGE * max(1.0, COARSE / growth)
     for trace, each in enumerate(misfit):
         known = each[np.isfinite(each)]
-        if known.size and (usual := float(np.quantile(known, 0.75))) > STRANGE:
+        if known.size and (usual := float(np.quantile(known, 0.75))) > most:
             raise RefusedError(
                 f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean"
-                f" square residual is over {usual:.1f} times the grain's, at most {STRANGE:g} is allowed; another"
+                f" square residual is over {usual:.1f} times the grain's, at most {most:.3g} is allowed; another"
                 " trace may lie on it: give count, or cut the film where it can be read"
             )
     read = np.isfinite(out.position).mean(axis=1)

@@ -32,6 +32,9 @@ def test_a_line_on_which_something_else_lies_is_refused(followed: Tracks) -> Non
     misfit[1, :20] = 9.0
     with pytest.raises(RefusedError, match=r"trace 2 of the film does not look like one line.*at most 4"):
         checked(followed, misfit)
+    with pytest.raises(RefusedError, match="at most 8 is"):
+        checked(followed, misfit, 5e-4)
+    checked(followed, misfit, 4e-4)  # finer grain than what is known of lines
 
 
 def test_a_trace_that_is_hardly_read_is_refused(followed: Tracks) -> None:

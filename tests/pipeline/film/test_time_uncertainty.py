@@ -9,7 +9,7 @@ import pytest
 from mark_lists import Case, made
 
 from pipeline.film.marks.alignment import lasting
-from pipeline.film.marks.axis import axis_of, times_of
+from pipeline.film.marks.axis import _mark_sigma, axis_of, times_of
 from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive, slips
 from pipeline.film.parts import Floats, Marking
 
@@ -94,6 +94,18 @@ def test_between_marks_a_rough_drive_is_less_sure() -> None:
     assert between == pytest.approx(np.hypot(0.01, np.sqrt(STEP**3 / 192.0)) / 59.0, rel=0.01)
     _, more = times_of(found, 560, 0.05)
     assert np.allclose(more[known] ** 2 - sigma[known] ** 2, (0.05 / 59.0) ** 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("run", [1, 5, 30])
+def test_marks_missing_side_by_side_are_late_together(run: int) -> None:
+    """Their errors add up within a run: a tenth of the marks, each doubtful by s, are noise of sqrt(run / 10) s."""
+    found = plain(600, 1e-9)
+    missing = (np.arange(600) // run) % 10 == 3
+    used = np.broadcast_to(~missing, (2, 600))
+    row_sigma = np.where(missing, 0.6, 0.0)
+    doubtful = replace(found, used=used, row_sigma=row_sigma)
+    noise = _mark_sigma(np.tile(found.row, (2, 1)), np.full((2, 600), 0.01), doubtful, 0.0)
+    assert noise == pytest.approx(0.6 * np.sqrt(0.1 * run) / 59.0, rel=0.01)
 
 
 def test_errors_that_last_are_told_by_the_traces_apart() -> None:

@@ -31,6 +31,13 @@ def test_slow_wander_is_taken_off(period: float) -> None:
     assert not found.creased.any()
 
 
+def test_a_film_that_lies_askew_is_straight_to_its_ends() -> None:
+    paper = 1.5 * TIME
+    found = paper_motion(TIME, traces(paper), SUMS, PERIOD)
+    assert found is not None
+    np.testing.assert_allclose(found.shift, paper - paper.mean(), atol=0.1)
+
+
 def test_steps_are_taken_off() -> None:
     """Also two within two swings, and beside a swell."""
     at, sizes = np.array([60.3, 152.0, 153.7, 240.51]), np.array([3.0, -1.2, 2.0, -4.0])

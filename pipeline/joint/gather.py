@@ -14,7 +14,7 @@ from pipeline.arrays import Floats, evened
 from pipeline.conditions import TEMPERATURE
 from pipeline.joint import screening
 from pipeline.joint.flow import NODES, POINTS
-from pipeline.joint.lattice import Lattice, is_calm, lay
+from pipeline.joint.lattice import FAST_ANGLE, Lattice, lay, shared_angle
 from pipeline.joint.problem import Problem
 from pipeline.ledger import eotvos, tide
 from pipeline.observation import instrument
@@ -107,8 +107,9 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         if not dense:
             rows += [*([] if tilts else [np.full((1, time.size), np.nan)]), heave[None]]
     arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
-    calm = calm and all(is_calm(time, each, swing, arc) for each in series)
-    lattice = lay(time, np.concatenate(rows), combination, swing, calm=calm)
+    sine = known["restoring"] != "linear"
+    angle = min(shared_angle(time, each, swing, arc, sine=sine) for each in series) if calm else FAST_ANGLE
+    lattice = lay(time, np.concatenate(rows), combination, swing, angle=angle)
     recorded = slope = np.zeros((0, POINTS))
     spline, doubt = None, 0.0
     if heave is not None and dense:

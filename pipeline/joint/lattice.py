@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.arrays import Floats
 
 MOST_ANGLE = 1.27  # of the swing a step, rad; readings lie within half of it
-FAST_ANGLE = 0.3  # the same of readings that share a node where the ship vibrates
+FINE_ANGLE, FAST_ANGLE = 0.8, 0.3  # of readings that share a node: where they are fine, where the ship vibrates
+FINE = 1e-4  # noise of readings over the arc, below which a step's polynomial of what the sine leaves errs as much
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,9 @@ class Lattice:
         return replace(self, nodes=nodes, **own)
 
 
-def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, calm: bool = True) -> Lattice:
+def lay(
+    time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE
+) -> Lattice:
     """Lay series on a lattice.
 
     Parameters
@@ -78,7 +81,9 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
         Traces, then horizontal and vertical acceleration over reference gravity; NaN = missing.
     combination : (t, p) array
     frequency : float
-        Of the swing, rad s-1; `calm`: nothing moves much faster than it.
+        Of the swing, rad s-1.
+    angle : float
+        Of the swing, rad, in which readings share a node.
     """
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
@@ -86,9 +91,9 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
     regular = bool(np.all(np.abs(spacing - np.rint(spacing / least) * least) < 1e-6 * least))
     if regular and spacing.size:
         even = float(time[-1] - time[0]) / np.rint((time[-1] - time[0]) / least)
-    angle = even * frequency
-    together = max(1.0, float(np.floor((MOST_ANGLE if calm else FAST_ANGLE) / angle)))  # readings about each node
-    step = even * together / np.ceil(angle / MOST_ANGLE)
+    between = even * frequency
+    together = max(1.0, float(np.floor(angle / between)))  # readings about each node
+    step = even * together / np.ceil(between / MOST_ANGLE)
     start = float(time[0]) + 0.5 * (together - 1.0) * even
     node = np.rint((time - start) / step).astype(np.int64)
     offset = time - start - node * step
@@ -121,21 +126,25 @@ LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
 QUIETEST = 1e-6  # rad: motion below it is none
 
 
-def is_calm(time: Floats, series: Floats, swing: float, arc: float) -> bool:
-    """Whether readings, (n,), NaN where missing, show no motion much faster than a swing of that arc, rad."""
+def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine: bool) -> float:
+    """Angle of the swing, rad, in which readings, (n,), NaN where missing, may share a node.
+
+    Less where they show motion much faster than a swing of that arc, rad; and where they are so fine that what a step's
+    polynomial leaves of the sine would show.
+    """
     from scipy.interpolate import CubicSpline
     from scipy.signal.windows import blackmanharris
 
     there = np.isfinite(series)
     if there.sum() < 64:
-        return True
+        return MOST_ANGLE
     at, value = time[there], series[there]
     step = max(float(np.median(np.diff(at))), 1e-3)
     rows = int(WINDOW / step)
     turns = 2.0 * np.pi * np.fft.rfftfreq(rows, step) / swing
     fast = turns > FAST
     if not fast.any():
-        return True
+        return MOST_ANGLE
     filled, taper, found = CubicSpline(at, value), blackmanharris(rows), []
     own = np.arange(rows) * step
     design, inverse = _of_the_swing(own, swing, taper)
@@ -145,12 +154,14 @@ def is_calm(time: Floats, series: Floats, swing: float, arc: float) -> bool:
             series = filled(begin + own)
             found.append(np.abs(np.fft.rfft(taper * (series - design @ (inverse @ series)))[fast]) ** 2)
     if not found:
-        return False
+        return FAST_ANGLE
     power = np.mean(found, axis=0) / float(taper @ taper)
     allowed = (1.0 + FAST_PEAK / np.sqrt(len(found))) * max(float(np.median(power)), QUIETEST**2)
     # the swing's own third harmonic, whose amplitude the ship changes
     third = float(taper.sum()) ** 2 / float(taper @ taper) * (arc**3 / 192.0) ** 2
-    return bool(np.all(power < allowed + third * (np.abs(turns[fast] - 3.0) < FAST_LINE)))
+    if np.any(power >= allowed + third * (np.abs(turns[fast] - 3.0) < FAST_LINE)):
+        return FAST_ANGLE
+    return FINE_ANGLE if sine and float(np.median(power)) < (FINE * arc) ** 2 else MOST_ANGLE
 
 
 def _of_the_swing(own: Floats, swing: float, taper: Floats) -> tuple[Floats, Floats]:

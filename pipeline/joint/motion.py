@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.explanation import STRAIGHT, Candidate, Fitted, attempted, likelier, path_on, priced
+from pipeline.joint.explanation import PAYS, STRAIGHT, Candidate, Fitted, attempted, likelier, path_on, priced
 from pipeline.joint.problem import LEVEL, SPARSE, Assumed
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration, assemble, parameters
 from pipeline.joint.whiteness import CALM, UNKNOWN, Spectrum, clipped, errors_by_frequency, transfer
@@ -30,7 +30,7 @@ CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
 LIKE_KICKS = 0.02  # of its frequency, a width
 ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
 RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
-TURN = 1.5  # rad of a motion in a step of the lattice
+TURN, MOST_TURN = 1.5, 6.0  # rad of a motion in a step of the lattice that is followed; of one that is still priced
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH = 10.0  # in log-likelihood
@@ -106,7 +106,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     Raises
     ------
     UnresolvedError
-        It is faster than the lattice's steps show, and the readings are denser.
+        One that pays is faster than the lattice's steps show, and the readings are denser.
     """
     model, ship = fit.model, fit.model.assumed.ship
     if len(ship) >= len(model.begun) + MOST_COMPONENTS:
@@ -114,11 +114,13 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
 
     def of(assumed: Assumed, cost: float = COMPONENT) -> Candidate:
         found = assumed.ship[-1]
-        if found.peak * model.problem.lattice.step > TURN and not model.problem.lattice.dense:
-            raise UnresolvedError
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = replace(model, words=(*model.words, words), assumed=assumed)
-        return priced(trial, fit.path, cost=cost + ASKEW * (found.axis == "transverse"))
+        candidate = priced(trial, fit.path, cost=cost + ASKEW * (found.axis == "transverse"))
+        turn = 0.0 if model.problem.lattice.dense else found.peak * model.problem.lattice.step
+        if turn > MOST_TURN or (turn > TURN and candidate.value > fit.solution.log_likelihood + PAYS):
+            raise UnresolvedError
+        return candidate
 
     near, lines = list(ship[len(model.begun) :]), []
     # waves that sway the ship lift it too, and sway planes of swing that are not parallel to the first's

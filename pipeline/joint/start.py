@@ -235,7 +235,9 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
-            return motion.reshaped(fit), kicked
+            level_fit = motion.reshaped(fit)  # it may do as well once it is followed to its end
+            white = motion.is_white(level_fit, problem.differences)
+            return (level_fit, level_fit) if white else (fit, kicked)
     best = motion.reshaped(best)
     return best, best
 

@@ -120,6 +120,8 @@ def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     seen = np.flatnonzero(paper.used.any(axis=0))
     lasts = [*(int(seen[seen < jump][-1]) for jump in paper.jumps), paper.row.size - 1]
     for first, last in zip([0, *paper.jumps.tolist()], lasts, strict=True):  # beside a stand the paper ran and stood
+        if first == last:
+            continue
         times = h * (first + np.arange((last - first) * FINE + 1) / FINE)
         at = motion(times)
         inside = (centre >= at[0]) & (centre <= at[-1])

@@ -24,7 +24,8 @@ ABOUT = 6  # marks that show the paper's speed at the ends
 LONELY = 3.0  # minutes under which a film may show one full minute only
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
-STAND, HIDDEN_STAND = 2.5, 12.0  # s, at most without a bar: where traces can show one, and where none can
+STAND, HIDDEN_STAND = 1.5, 12.0  # s, at most without a bar: where traces can show one, and where none can
+JUMP = 1.5  # rad, more than which shows in the phases of pendulums
 FAR = 3  # marks missing around an event whose place is not known
 
 
@@ -157,17 +158,21 @@ def _commonest_fraction(place: Floats, cycle: int) -> float:
     return fraction
 
 
-def doubts(minutes: Minutes, count: Count, interval: float, *, shown: bool) -> list[tuple[float, float, float]]:
+def doubts(
+    minutes: Minutes, count: Count, interval: float, advance: Floats, *, shown: bool
+) -> list[tuple[float, float, float]]:
     """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
 
     Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper would explain
-    which leaves a bar that nobody overlooks: of several swings where `shown`, where a trace can show bars.
+    which leaves a bar that nobody overlooks, of a swing or two where traces can show bars (`shown`); or after which the
+    pendulums, whose phases `advance` by (traces,) rad a mark, NaN where not known, would have lost part of a swing.
     """
     agree, number, half = minutes.agree, minutes.number, minutes.cycle // 2
     if minutes.kind != "double" or minutes.residue is None or not agree.size:
         return []
     away = np.abs(np.mod(number - minutes.residue + half, minutes.cycle) - half)
-    hidden = away * interval <= (STAND if shown else HIDDEN_STAND)
+    jump = np.nan_to_num(np.angle(np.exp(1j * np.outer(advance, away))))
+    hidden = (away * interval <= (STAND if shown else HIDDEN_STAND)) & np.all(np.abs(jump) < JUMP, axis=0)
     number, away = number[hidden], away[hidden]
     low, high = float(agree.min()), float(agree.max())
     sides = ((number < low, float(count.index[0]), low), (number > high, high, float(count.index[-1])))

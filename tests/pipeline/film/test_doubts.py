@@ -20,13 +20,13 @@ KNOWN = Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.
 MARKS = 601  # of half a second; a row each, a code a quarter after the mark of each full minute
 
 
-def doubtful(codes: list[float], *, shown: bool = False) -> list[tuple[float, float, float]]:
+def doubtful(codes: list[float], *advance: float, shown: bool = False) -> list[tuple[float, float, float]]:
     rows = np.sort(np.concatenate([np.arange(MARKS), np.array(codes) + 0.25]))
     event = np.flatnonzero(rows == np.round(rows))
     ones = np.ones(rows.size)
     events = Events(rows, 0.01 * ones, ones, ones, np.arange(rows.size)[None, :])
     count = Count(event, np.arange(MARKS), np.full(MARKS - 1, np.inf))
-    return doubts(find_minutes(events, count, Marking(minute_code=0.125)), count, 0.5, shown=shown)
+    return doubts(find_minutes(events, count, Marking(minute_code=0.125)), count, 0.5, np.array(advance), shown=shown)
 
 
 @pytest.mark.parametrize(
@@ -48,6 +48,11 @@ def test_codes_out_of_step_beyond_those_that_agree(codes: list[float], expected:
 @pytest.mark.parametrize(("late", "expected"), [(3, [(360, 600, 1.5)]), (7, [])])
 def test_a_stand_of_some_swings_leaves_a_bar_where_a_trace_can_show_one(late: int, expected: list[tuple]) -> None:
     assert doubtful([120, 240, 360, 480 + late], shown=True) == expected
+
+
+@pytest.mark.parametrize(("late", "expected"), [(1, []), (2, [(360, 600, 1.0)]), (3, []), (6, [(360, 600, 3.0)])])
+def test_pendulums_would_show_part_of_a_swing(late: int, expected: list[tuple]) -> None:
+    assert doubtful([120, 240, 360, 480 + late], 0.97 * np.pi, np.nan, 0.971 * np.pi) == expected
 
 
 def test_doubtful_times_are_in_the_record(tmp_path):

@@ -96,6 +96,12 @@ def test_between_marks_a_rough_drive_is_less_sure() -> None:
     assert np.allclose(more[known] ** 2 - sigma[known] ** 2, (0.05 / 59.0) ** 2, rtol=1e-6)
 
 
+def test_a_mark_alone_behind_a_stand_gives_no_times() -> None:
+    seconds, _ = times_of(replace(plain(20, 1.0), jumps=np.array([19])), 600, 0.0)
+    known = np.flatnonzero(np.isfinite(seconds))
+    assert known[[0, -1]] == pytest.approx([10, 10 + 29.5 * 18], abs=1.0)
+
+
 @pytest.mark.parametrize("run", [1, 5, 30])
 def test_marks_missing_side_by_side_are_late_together(run: int) -> None:
     """Their errors add up within a run: a tenth of the marks, each doubtful by s, are noise of sqrt(run / 10) s."""

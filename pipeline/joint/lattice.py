@@ -69,9 +69,7 @@ class Lattice:
         return replace(self, nodes=nodes, **own)
 
 
-def lay(
-    time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE
-) -> Lattice:
+def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE) -> Lattice:
     """Lay series on a lattice.
 
     Parameters

@@ -279,7 +279,8 @@ def fit_gap(
             at, steep = place(course, slope, edge)
             if math.isnan(at):
                 return False
-            draw(Patch(layer[6 + side], far, far, top, left), edge, at + d + h * steep, 0.0, 1.0 - shear * steep, spot, False)
+            end_light = Patch(layer[6 + side], far, far, top, left)
+            draw(end_light, edge, at + d + h * steep, 0.0, 1.0 - shear * steep, spot, False)
         right[:] = 0.0
         normal[:] = 0.0
         misfit, count = 0.0, 0

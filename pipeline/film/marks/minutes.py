@@ -163,7 +163,7 @@ def doubts(
 ) -> list[tuple[float, float, float]]:
     """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
 
-    Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper would explain
+    Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper explains
     which leaves a bar that nobody overlooks, of a swing or two where traces can show bars (`shown`); or after which the
     pendulums, whose phases `advance` by (traces,) rad a mark, NaN where not known, would have lost part of a swing.
     """

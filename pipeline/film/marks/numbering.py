@@ -93,7 +93,9 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
         alignment,
         stands=[each for each in stands if first < each.row < last],
         whole=count.index.size == every.index.size,
-        doubts=doubts(minutes, count, marking.interval, swings.advance, shown=any(each is not None for each in search.bars))
+        doubts=doubts(
+            minutes, count, marking.interval, swings.advance, shown=any(each is not None for each in search.bars)
+        )
         if minutes.against > DISAGREE * minutes.seen
         else [],
         clock=shift,

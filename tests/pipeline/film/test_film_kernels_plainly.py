@@ -49,9 +49,8 @@ def test_a_gap_at_the_end_of_a_trace_is_not_fitted(moment: Film) -> None:
 def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
     exposure, tracks, steps = moment.emulsion.exposure(moment.scan.image, 0), moment.tracks, 4
     light, dark = np.empty(60 * steps), np.empty(60 * steps)
-    brightness_along(
-        exposure, 0, tracks.course[0], tracks.slope[0], tracks.curvature[0], 50, steps, tracks.spot, 0.0, 1.8, light, dark
-    )
+    line = tracks.course[0], tracks.slope[0], tracks.curvature[0]
+    brightness_along(exposure, 0, *line, 50, steps, tracks.spot, 0.0, 1.8, light, dark)
     assert np.nanmedian(light) == pytest.approx(1.0, abs=0.15)
     rows = 50 + (np.arange(light.size) + 0.5) / steps
     away = np.abs(rows[:, None] - moment.row[0][None, :]).min(axis=1)

@@ -105,7 +105,7 @@ def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> F
 
 
 def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> Bars:
-    """The bars on each trace, None where it is too small or faint to show one, from what `light_across` gives of all."""
+    """The bars on each trace, None where it is too small or faint to show one, from what `light_across` gives."""
     dim = CERTAIN * float(grain(emulsion)[0][0])
     found: Bars = []
     for own, least, strokes in zip(across, *light, strict=True):

@@ -271,17 +271,22 @@ def darkness_above(
     the first order, `blur` times the Laplacian.
     """
     rows, columns = pixels.shape
-    last = table.size - 2
+    last, own = table.size - 2, np.float32(1.0) + np.float32(4.0) * blur
+    value = np.empty(columns, dtype=np.float32)
     for i in range(rows):
         upper, lower, share = levels[strip[i]], levels[min(strip[i] + 1, levels.shape[0] - 1)], weight[i]
         above, here, below = pixels[max(i - 1, 0)], pixels[i], pixels[min(i + 1, rows - 1)]
+        if not blur > 0.0:
+            for j in range(columns):
+                out[i, j] = table[here[j]] - (upper[j] + share * (lower[j] - upper[j]))
+            continue
+        for j in range(1, columns - 1):
+            beside = np.float32(here[j - 1]) + np.float32(here[j + 1]) + np.float32(above[j]) + np.float32(below[j])
+            value[j] = own * np.float32(here[j]) - blur * beside
+        value[0], value[columns - 1] = here[0], here[columns - 1]
         for j in range(columns):
-            value = np.float32(here[j])
-            if blur > 0.0:
-                beside = np.float32(here[max(j - 1, 0)]) + np.float32(here[min(j + 1, columns - 1)])
-                value += blur * (np.float32(4.0) * value - beside - np.float32(above[j]) - np.float32(below[j]))
-            index = min(max(int(value), 0), last)
-            dark = table[index] + (value - index) * (table[index + 1] - table[index])
+            index = min(max(int(value[j]), 0), last)
+            dark = table[index] + (value[j] - index) * (table[index + 1] - table[index])
             out[i, j] = dark - (upper[j] + share * (lower[j] - upper[j]))
 
 

@@ -278,7 +278,7 @@ def darkness_above(
         above, here, below = pixels[max(i - 1, 0)], pixels[i], pixels[min(i + 1, rows - 1)]
         if not blur > 0.0:
             for j in range(columns):
-                out[i, j] = table[here[j]] - (upper[j] + share * (lower[j] - upper[j]))
+                out[i, j] = table[min(int(here[j]), last + 1)] - (upper[j] + share * (lower[j] - upper[j]))
             continue
         for j in range(1, columns - 1):
             beside = np.float32(here[j - 1]) + np.float32(here[j + 1]) + np.float32(above[j]) + np.float32(below[j])

@@ -35,6 +35,7 @@ ROUNDS = 6
 FAINT = 0.02  # of the line's light: pixels with less of another line are used
 MODEL = 0.04  # of the line's light, 1 sigma of what spot and curve are not exactly
 LEAD = 0.2  # rows, 1 sigma, by which a course may lie early or late
+LEAST_PACE = 0.1  # a slant that is taken for larger than it is would make light negative
 CLIP = 4.0  # sigmas, of a pixel's residual
 
 
@@ -63,6 +64,12 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
     rise = b - a
     p, q = 3.0 * rise - 2.0 * u - v, u + v - 2.0 * rise
     return a + x * (u + x * (p + x * q)), u + x * (2.0 * p + 3.0 * x * q)
+
+
+@kernel
+def pace(shear: float, slope: float) -> float:
+    """Of the slit's time that a line of such a slope runs through in a row; no course runs back in time."""
+    return max(1.0 - shear * slope, LEAST_PACE)
 
 
 @kernel
@@ -127,7 +134,7 @@ def shade(
         column, lean = place(course, slope, middle)
         column += shift + lead * lean
         if left < column < right:
-            draw(patch, middle, column, lean, step * (1.0 - shear * lean), spot, sloped)
+            draw(patch, middle, column, lean, step * pace(shear, lean), spot, sloped)
         row += step
 
 
@@ -204,7 +211,7 @@ def brightness_along(
         value += look(exposure, first, row + dr, column + dc) + look(exposure, first, row - dr, column - dc)
         bend = curvature[min(int(row), course.size - 1)]
         whole = light_at_rest(lean, bend, spot, 1e3)
-        out[k] = value / (2.67 * whole * (1.0 - shear * lean))  # 1 + 2 exp(-0.18)
+        out[k] = value / (2.67 * whole * pace(shear, lean))  # 1 + 2 exp(-0.18)
         dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole
 
 
@@ -280,7 +287,7 @@ def fit_gap(
             if math.isnan(at):
                 return False
             end_light = Patch(layer[6 + side], far, far, top, left)
-            draw(end_light, edge, at + d + h * steep, 0.0, 1.0 - shear * steep, spot, False)
+            draw(end_light, edge, at + d + h * steep, 0.0, pace(shear, steep), spot, False)
         right[:] = 0.0
         normal[:] = 0.0
         misfit, count = 0.0, 0

@@ -25,7 +25,7 @@ LONELY = 3.0  # minutes under which a film may show one full minute only
 LONGER = 0.3  # of the gap's width, by which a minute's gap differs
 OWN = 6.0  # sigmas of a gap's width
 STAND, HIDDEN_STAND = 1.5, 12.0  # s, at most without a bar: where traces can show one, and where none can
-JUMP = 1.5  # rad, more than which shows in the phases of pendulums
+JUMP = 1.0  # rad, that shows in the phases of pendulums: a third of what one mark too many makes
 FAR = 3  # marks missing around an event whose place is not known
 
 

@@ -14,7 +14,7 @@ from pipeline.film.edits import Clock, MarkEdits, with_marks
 from pipeline.film.marks.alignment import Alignment, Events, aligned, gathered
 from pipeline.film.marks.counting import LEAST_MARKS, Count, Swings, counted, jumps, spacing_of, swings_at
 from pipeline.film.marks.lines import widened
-from pipeline.film.marks.minutes import Minutes, doubts, find_minutes
+from pipeline.film.marks.minutes import JUMP, Minutes, doubts, find_minutes
 from pipeline.film.marks.search import Gaps, GapSearch
 from pipeline.film.marks.stands import Stand, lengths, together
 from pipeline.film.parts import Marking, Tracks
@@ -23,7 +23,6 @@ SPEED_TOLERANCE = 0.25  # of the stated speed
 LEAST_PART = 0.2  # of the film, of a part that is read where others are uncertain
 LEAST_LEAD = 12.0  # of the best count before any other
 UNCERTAIN = -1.0  # lead of a number that codes elsewhere do not confirm
-JUMP = 1.0  # rad: a third of what one mark too many makes
 DISAGREE = 0.12  # of the codes, that may be false gaps in the place of one
 
 

@@ -25,7 +25,7 @@ from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
 from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, replay, run
-from pipeline.film.tracking.probing import SURE, probe
+from pipeline.film.tracking.probing import ROUGH, SURE, probe
 from pipeline.film.tracking.section import Last, Section, follow_from, match, read_section
 
 NOTHING = (
@@ -36,7 +36,6 @@ NEAR_PIECES, FAR_PIECES = 3, 8  # searched from the film's start, and from there
 LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
 LEAST_READ = 0.15  # of the rows, and of the share of the best trace
 STRANGE = 4.0  # mean square residual, in units of the grain's, of more than a line
-COARSE = 1e-3  # growth of the grain's variance with darkness, below which it is finer than what is known of lines
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read in half a swing, from which a trace is there
 LEAST_LINE = 0.5  # of a swing, from which a line drawn by hand starts a trace
@@ -264,7 +263,7 @@ def follow_traces(
     return Following.of(film, first_section(film, section))
 
 
-def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = COARSE) -> Tracks:
+def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
     """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
     variance grows with darkness by `growth`.
 
@@ -273,7 +272,7 @@ def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = COARSE) ->
     RefusedError
         Something else lies on a trace, one is hardly read, or two are one line.
     """
-    most = STRANGE * max(1.0, COARSE / growth)
+    most = STRANGE * max(1.0, ROUGH / growth)
     for trace, each in enumerate(misfit):
         known = each[np.isfinite(each)]
         if known.size and (usual := float(np.quantile(known, 0.75))) > most:

@@ -24,6 +24,7 @@ HIDES = 3.0  # such lengths, in which it is left out
 LEAST_EVENT, STANDS_OUT, SHOWN = 0.4, 12.0, 5.0  # px; of its sigma, at its time and beside it
 ALIKE = 8.0  # sigma between the traces of one event
 MOST_EVENTS = 30
+PLACES = 500  # at a time, which bounds the memory
 
 
 class Paper(NamedTuple):
@@ -83,58 +84,74 @@ def events(time: Floats, column: Floats, difference: int, period: float) -> list
     found: list[Event] = []
     grid = np.arange(time[0] + period, time[-1] - period, 0.25 * period)
     alone = slice(difference, difference + 1)
-    best = [_event(time, column[alone], at, period) for at in grid]
+    best = _likeliest(time, column[alone], grid, period)
     while len(found) < MOST_EVENTS:
         near = max(range(grid.size), key=lambda k: best[k].excess, default=-1)
         if near < 0 or best[near].excess < SHOWN:
             break
         close = time[np.abs(time - grid[near]) < 0.8 * period] - 0.5 * np.median(np.diff(time))
-        event = max((_event(time, column, each, period) for each in close), key=lambda each: each.excess)
+        event = max(_likeliest(time, column, close, period), key=lambda each: each.excess)
         if event.excess < STANDS_OUT or abs(event.size) < LEAST_EVENT:
             best[near] = NONE
             continue
         found.append(event)
         aside, hidden = event.moves(time)
         column = np.where(hidden, np.nan, column - aside)
-        for k in np.flatnonzero(np.abs(grid - grid[near]) < (REACH + 0.5) * period):
-            best[k] = _event(time, column[alone], grid[k], period)
+        again = np.flatnonzero(np.abs(grid - grid[near]) < (REACH + 0.5) * period)
+        for k, each in zip(again, _likeliest(time, column[alone], grid[again], period), strict=True):
+            best[k] = each
     return found
 
 
-def _event(time: Floats, column: Floats, at: float, period: float) -> Event:
-    """The likeliest event at a time, by least squares of each trace beside its swing; one not alike in all is none."""
-    first, last = np.searchsorted(time, [at - REACH * period, at + REACH * period])
-    t = time[first:last] - at
+def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[Event]:
+    """The likeliest event at each of some times, by least squares of each trace beside its swing.
+
+    One not alike in all traces is none.
+    """
+    parts = np.array_split(at, max(1, at.size // PLACES))
+    return [event for part in parts for event in _likeliest_of(time, column, part, period)]
+
+
+def _likeliest_of(time: Floats, column: Floats, at: Floats, period: float) -> list[Event]:
+    first, last = (np.searchsorted(time, at + reach * period)[:, None] for reach in (-REACH, REACH))
+    place = first + np.arange(int(np.max(last - first, initial=1)))
+    inside, place = place < last, np.minimum(place, time.size - 1)
+    t = time[place] - at[:, None]
     lengths = period * np.array([0.0, *CREASES])
-    shapes = np.stack([np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / length) for length in lengths[1:])])
+    shapes = np.stack([np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / each) for each in lengths[1:])], axis=-1)
     base = _terms(t / period, REACH, 3)
-    sizes, weights = np.empty((2, len(column), lengths.size))
-    for trace, each in enumerate(column[:, first:last]):
-        known = np.isfinite(each)
-        if np.count_nonzero(known) < LEAST:
-            return NONE
-        q, _ = np.linalg.qr(base[known])
-        left, own = (y - (y @ q) @ q.T for y in (each[known], shapes[:, known]))
+    sizes, weights = np.zeros((2, len(column), at.size, lengths.size))
+    told = np.ones(at.size, dtype=bool)
+    for trace, each in enumerate(column):
+        known = (inside & np.isfinite(each[place]))[..., None]
+        count = np.count_nonzero(known, axis=(1, 2))
+        q, _ = np.linalg.qr(base * known)
+        y = np.concatenate([np.where(known, each[place][..., None], 0.0), shapes * known], axis=-1)
+        y -= q @ (q.swapaxes(1, 2) @ y)
+        left, own = y[..., :1], y[..., 1:]
         power = np.sum(own**2, axis=1)
-        if power.min() < 0.5:
-            return NONE
-        sizes[trace] = own @ left / power
-        free = max(left.size - base.shape[1] - 1, 1)
+        told &= (count >= LEAST) & (power.min(axis=-1) >= 0.5)
+        power = np.maximum(power, 0.5)
+        sizes[trace] = np.sum(own * left, axis=1) / power
+        free = np.maximum(count - base.shape[-1] - 1, 1)[:, None]
         variance = np.sum((left - sizes[trace][:, None] * own) ** 2, axis=1) / free / power
         weights[trace] = 1.0 / np.maximum(variance, 1e-12)
     size = np.average(sizes, axis=0, weights=weights)
     excess = np.abs(size) * np.sqrt(np.sum(weights, axis=0))
     apart = np.max(np.abs(sizes - size) * np.sqrt(weights), axis=0)
-    excess = np.where(apart < ALIKE + 0.2 * excess, excess, 0.0)
-    best = int(np.argmax(excess))
-    return Event(at, float(lengths[best]), float(size[best]), float(excess[best])) if excess[best] > 0.0 else NONE
+    excess = np.where((apart < ALIKE + 0.2 * excess) & told[:, None], excess, 0.0)
+    best = np.argmax(excess, axis=-1)
+    return [
+        Event(float(at[k]), float(lengths[b]), float(size[k, b]), float(excess[k, b])) if excess[k, b] > 0.0 else NONE
+        for k, b in enumerate(best)
+    ]
 
 
 def _terms(turns: Floats, reach: float, powers: int) -> Floats:
-    """What a trace does over `reach` swings, (n, 4 + 2 powers): a slow course, and a swing whose size changes."""
+    """What a trace does over `reach` swings, (..., n, 4 + 2 powers): a slow course, and a swing whose size changes."""
     t, angle = turns / reach, 2.0 * np.pi * turns
     waves = [t**k * wave for wave in (np.cos(angle), np.sin(angle)) for k in range(powers)]
-    return np.stack([*(t**k for k in range(4)), *waves], axis=1)
+    return np.stack([*(t**k for k in range(4)), *waves], axis=-1)
 
 
 def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:

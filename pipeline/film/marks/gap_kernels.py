@@ -263,7 +263,7 @@ def fit_gap(
     sideways = known.lateral * math.sqrt(1.0 + lean * lean)
     m, w, d, h, a, b, drawn, led = mark, width, 0.0, 0.0, 1.0, 1.0, math.inf, 0.0
     normal, right, slant = np.empty((PARAMETERS, PARAMETERS)), np.empty(PARAMETERS), np.empty(PARAMETERS)
-    misfit, count, bright = 0.0, 0, 0.0
+    misfit, count, bright, per_step = 0.0, 0, 0.0, 1.0 / known.grain_step
     for turn in range(ROUNDS):
         if abs(d - drawn) > 0.02 * math.sqrt(1.0 + lean * lean) or abs(h - led) > 0.02:
             layer[:3] = 0.0
@@ -297,15 +297,17 @@ def fit_gap(
                 if far[y, x] > FAINT * bright or light < 0.01 * bright:
                     continue
                 expected = a * light - b * gap[y, x]
-                at_grain = min(max(expected, 0.0) / known.grain_step, grain.size - 1.0)
+                at_grain = min(max(expected, 0.0) * per_step, grain.size - 1.0)
                 g = min(int(at_grain), grain.size - 2)
-                noise = math.hypot(grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]), MODEL * a * light)
-                residual = (exposure[top - first + y, left + x] - expected) / noise
+                noise, model = grain[g] + (at_grain - g) * (grain[g + 1] - grain[g]), MODEL * a * light
+                weight = 1.0 / math.sqrt(noise * noise + model * model)
+                residual = (exposure[top - first + y, left + x] - expected) * weight
                 if math.isnan(residual):
                     continue
-                root = math.sqrt(min(CLIP / abs(residual), 1.0)) if residual != 0.0 else 1.0
-                weight = root / noise
-                residual *= root
+                if abs(residual) > CLIP:
+                    root = math.sqrt(CLIP / abs(residual))
+                    weight *= root
+                    residual *= root
                 slant[0] = -b * (stop[y, x] - start[y, x]) * weight
                 slant[1] = light * weight
                 slant[2] = -gap[y, x] * weight

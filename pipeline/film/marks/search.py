@@ -103,10 +103,11 @@ def find_gaps(
 
     `spans` as of `over_pieces`.
     """
-    across = swept(tracks, scan.columns)
+    across, steps = swept(tracks, scan.columns), _steps(tracks)
 
     def of_piece(begin: int, stop: int, first: int, exposure: Exposure) -> tuple[NDArray[np.int64], Floats, Floats]:
-        rows = [_candidates(exposure, first, begin, stop, tracks, trace, width) for trace in range(len(tracks.course))]
+        every = range(len(tracks.course))
+        rows = [_candidates(exposure, first, begin, stop, tracks, trace, width, steps) for trace in every]
         traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
         gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
         return traces, gaps, light_across(exposure[begin - first : stop - first], across)
@@ -126,13 +127,17 @@ def fitted(
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 
-def relative_light(
-    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
-) -> tuple[Floats, Floats, Floats]:
-    """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
+def _steps(tracks: Tracks) -> int:
+    """Places a row at which brightness is taken: 1.3 spots apart on the steeper strokes."""
     lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
     steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
-    steps = int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))  # a row: 1.3 spots apart on the steeper strokes
+    return int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))
+
+
+def _relative_light(
+    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float, steps: int
+) -> tuple[Floats, Floats, Floats]:
+    """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
     rows = begin + (np.arange((stop - begin) * steps) + 0.5) / steps
     light, dark = np.empty((2, rows.size))
     brightness_along(
@@ -140,22 +145,23 @@ def relative_light(
         begin, steps, tracks.spot, tracks.shear, width, light, dark,
     )  # fmt: skip
     edges = np.linspace(0, rows.size, max(rows.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1) + 1)
-    parts = [light[low:high] for low, high in itertools.pairwise(edges.astype(int))]
-    shown = np.array([np.isfinite(each).mean() > 0.3 for each in parts])
-    level = [float(np.nanmedian(each)) for each, known in zip(parts, shown, strict=True) if known]
+    parts = [np.sort(light[low:high]) for low, high in itertools.pairwise(edges.astype(int))]  # NaN behind the rest
+    known = np.array([np.count_nonzero(np.isfinite(each)) for each in parts])
+    shown = known > 0.3 * np.diff(edges)
+    level = [each[count // 2] for each, count, told in zip(parts, known, shown, strict=True) if told]
     middle = 0.5 * (edges.astype(int)[:-1] + edges.astype(int)[1:])[shown]
     usual = np.interp(np.arange(rows.size), middle, level) if level else np.zeros(rows.size)
     return np.where(usual > LEAST_LIGHT, light / np.maximum(usual, LEAST_LIGHT), np.nan), dark, rows
 
 
 def _candidates(
-    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float
+    exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float, steps: int
 ) -> Floats:
     """Rows in `begin` to `stop` at which a gap may lie on a trace."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     low, high = max(begin - MARGIN // 2, 0), min(stop + MARGIN // 2, first + exposure.shape[0])
-    light, dark, rows = relative_light(exposure, first, low, high, tracks, trace, width)
+    light, dark, rows = _relative_light(exposure, first, low, high, tracks, trace, width, steps)
     known = np.isfinite(light)
     light = np.where(known, np.minimum(light, 1.5), 0.0)
     span = max(round(width * rows.size / (high - low)), 1)
@@ -188,12 +194,12 @@ def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
 
     `RefusedError`: too few of them.
     """
-    length = min(scan.rows, SAMPLE_ROWS)
+    length, steps = min(scan.rows, SAMPLE_ROWS), _steps(tracks)
     runs: list[float] = []
     for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLES).astype(int)).tolist():
         exposure = exposed(scan, emulsion, begin, begin + length)
         for trace in range(len(tracks.course)):
-            light, _, rows = relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0)
+            light, _, rows = _relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0, steps)
             lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
             runs.extend(_dark_runs(light, lean) * length / rows.size)
     inside = np.array([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])

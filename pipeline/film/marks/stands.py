@@ -49,7 +49,7 @@ class Swept(NamedTuple):
     """What of a trace's columns the light writes in one stroke across."""
 
     columns: NDArray[np.int64]
-    beside: NDArray[np.int64]  # columns that no trace sweeps
+    beside: NDArray[np.int64]  # some that no trace sweeps, the same of all traces
     speed: Floats  # across the columns, over that in the middle
     stroke: float  # light along the rows of one stroke in the middle column, in rows of a line at rest
     peak: float  # light on the stroke's axis
@@ -72,6 +72,7 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
     """Columns across the swing of each trace, of so many; None where it is too small to show a bar."""
     found: list[Swept | None] = []
     ends, free = ends_of(tracks), free_columns(tracks, columns, columns // 50)
+    beside = free[:: max(free.size // 64, 1)]
     for trace, (low, high) in enumerate(ends):
         half = 0.5 * float(high - low)
         if half < LEAST_COLUMNS:
@@ -86,7 +87,6 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
             column, aside = column[alone], aside[alone]
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)
-        beside = free[:: max(free.size // 64, 1)]
         found.append(Swept(column.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
     return found
 
@@ -94,12 +94,13 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
 def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> Floats:
     """What lies on each trace's columns, (2, traces, rows): light of all but a few, and its mean in strokes."""
     out = np.zeros((2, len(across), exposure.shape[0]))
+    beside = next((own.beside for own in across if own is not None), np.empty(0, np.int64))
+    stray = np.median(exposure[:, beside], axis=1) if beside.size else 0.0
     for trace, own in enumerate(across):
         if own is not None:
             light = exposure[:, np.clip(own.columns, 0, exposure.shape[1] - 1)]
             k = int(QUANTILE * own.columns.size)
             out[0, trace] = np.partition(light, k, axis=1)[:, k]
-            stray = np.median(exposure[:, own.beside], axis=1) if own.beside.size else 0.0
             out[1, trace] = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
     return out
 

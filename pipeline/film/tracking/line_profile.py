@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from pipeline.arrays import Floats
@@ -94,15 +95,18 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
 
 
 @kernel
-def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, first: int, out: Floats) -> None:
-    """Add up what the nodes leave on pixels `first` on: exposure, its derivatives by shift and by slope, out (3, n).
+def profile(
+    nodes: Floats, count: int, shift: float, tilt: float, spot: float, first: int, out: Floats, size: int
+) -> None:
+    """What nodes leave on `size` pixels from `first` on: exposure, its derivatives by shift and slope, `out` (3, n).
 
     Neighbouring values of a Gaussian differ by a factor that itself changes by a constant factor: two exponentials a
     node.
     """
     scale = 0.5 / (spot * spot)
-    size = out.shape[1]
-    out[:] = 0.0
+    light, by_shift, by_slope = out[0], out[1], out[2]
+    for i in range(size):
+        light[i], by_shift[i], by_slope[i] = 0.0, 0.0, 0.0
     reach = REACH * spot
     bend = math.exp(-2.0 * scale)
     for n in range(count):
@@ -116,13 +120,13 @@ def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, f
         value = nodes[1, n] * math.exp(-away * away * scale)
         factor = math.exp(-(2.0 * away + 1.0) * scale)
         for i in range(begin, stop):
-            out[0, i] += value
-            out[1, i] += value * away
-            out[2, i] += value * away * along
+            slant = 2.0 * scale * value * away
+            light[i] += value
+            by_shift[i] += slant
+            by_slope[i] += slant * along
             value *= factor
             factor *= bend
             away += 1.0
-    out[1:] *= 2.0 * scale
 
 
 class Lens(NamedTuple):
@@ -155,6 +159,7 @@ class Optics:
     curve: ToneCurve
     grain: Floats
 
+    @cached_property
     def lens(self) -> Lens:
         """For the kernels."""
         return Lens(self.spot, self.shear, self.grain, self.curve.table())

@@ -27,6 +27,16 @@ def place_and_rate(states: Floats) -> tuple[Floats, Floats]:
 
 
 @kernel
+def _carry(change: Floats, step: float, c: float, s: float, p: float, q: float) -> None:
+    """What a small change of a state becomes a step on, in place; `p`, `q` are those after the step."""
+    change[0] += step * (change[1] + 0.5 * step * change[2])
+    change[1] += step * change[2]
+    turned = c * change[3] - s * change[4] - q * step * change[5]
+    change[4] = s * change[3] + c * change[4] + p * step * change[5]
+    change[3] = turned
+
+
+@kernel
 def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float) -> None:
     """Carry a state and its covariance on, in place, by `rows` (+1 or -1) rows of the image.
 
@@ -43,11 +53,10 @@ def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear
     state[0] += state[1] * step + 0.5 * state[2] * step * step
     state[1] += state[2] * step
     state[3], state[4] = p, q
-    change = np.eye(STATES)
-    change[0, 1], change[0, 2], change[1, 2] = step, 0.5 * step * step, step
-    change[3, 3], change[3, 4], change[3, 5] = c, -s, -q * step
-    change[4, 3], change[4, 4], change[4, 5] = s, c, p * step
-    covariance[:] = change @ covariance @ change.T
+    for i in range(STATES):
+        _carry(covariance[:, i], step, c, s, p, q)
+    for i in range(STATES):
+        _carry(covariance[i], step, c, s, p, q)
     grow = abs(step)
     covariance[2, 2] += noise[0] * grow
     covariance[5, 5] += noise[1] * grow

@@ -72,7 +72,7 @@ def read_both(
     part, inside = slice(first, first + rows), slice(above, above + rows)
     lamp = np.ascontiguousarray(lamps[:, inside])
     reading = read_piece(
-        darkness, first, states, course.known, course.slope_variance, lamp, np.concatenate(gaps), gap_of, optics.lens()
+        darkness, first, states, course.known, course.slope_variance, lamp, np.concatenate(gaps), gap_of, optics.lens
     )
     reading[:, :, 1::4] *= emulsion.clumped(np.nan_to_num(slope))[:, :, None]  # both variances of the shift
     column = np.clip(np.nan_to_num(place), 0, darkness.shape[1] - 1).astype(int)

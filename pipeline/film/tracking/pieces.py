@@ -111,7 +111,7 @@ def run(
     """
     piece = Piece.empty(begun.alive.size, darkness.shape[0])
     begins = np.full(begun.alive.size, -1) if begins is None else begins
-    _follow(darkness, first, order, begun, begins, lines, optics.lens(), piece)
+    _follow(darkness, first, order, begun, begins, lines, optics.lens, piece)
     return piece
 
 

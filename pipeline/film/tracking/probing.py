@@ -243,7 +243,7 @@ def _exposures(
         for k in range(states.shape[1]):
             if lamp[n, k] > 0.0:
                 number = nodes_of(states[n, k], spot, shear, gaps, 0.0, nodes)
-                profile(nodes, number, 0.0, 0.0, spot, first, out[:, :size])
+                profile(nodes, number, 0.0, 0.0, spot, first, out, size)
                 exposure[count : count + size] += lamp[n, k] * out[0, :size]
         count += size
     return exposure[:count], dark[:count]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 from pipeline.film.tracking.line_profile import MOST_NODES, REACH, STEP, Lens, nodes_of, profile
 from pipeline.film.tracking.motion import slope_of, solve
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, summing_kernel
 
 Integers = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
@@ -48,7 +48,9 @@ class Work(NamedTuple):
     nodes: Floats  # (traces, 3, MOST_NODES), see `line_profile.nodes_of`
     counts: Integers
     windows: Integers  # (traces, 4): first column and the one behind the last, group, members of a group
-    profiles: Floats
+    profiles: Floats  # (traces, 3, columns), see `line_profile.profile`
+    design: Floats  # (3 traces + 1, columns): what a change of each unknown adds to each pixel
+    pixels: Floats  # (5, columns): exposure, residual, weight, square of the residual over its noise, a product
     matrices: Floats
 
 
@@ -58,8 +60,36 @@ def work_space(traces: int, columns: int) -> Work:
     return Work(
         np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64),
         np.empty((traces, 4), np.int64), np.empty((traces, 3, columns)),
-        np.empty((3, 3 * traces + 8, 3 * traces + 8)),
+        np.empty((3 * traces + 1, columns)), np.empty((5, columns)), np.empty((3, 3 * traces + 8, 3 * traces + 8)),
     )  # fmt: skip
+
+
+@summing_kernel
+def _normal_equations(design: Floats, pixels: Floats, size: int, normal: Floats, right: Floats) -> None:
+    """Of `right.size` unknowns and so many pixels; the lower half of the matrix."""
+    residual, weight, weighed = pixels[1], pixels[2], pixels[4]
+    for a in range(right.size):
+        row = design[a]
+        total = 0.0
+        for i in range(size):
+            weighed[i] = weight[i] * row[i]
+            total += weighed[i] * residual[i]
+        right[a] = total
+        for b in range(a + 1):
+            other, product = design[b], 0.0
+            for i in range(size):
+                product += weighed[i] * other[i]
+            normal[a, b] = product
+
+
+@summing_kernel
+def _misfit(square: Floats, profile: Floats, size: int) -> float:
+    """Mean square residual of the pixels where a trace lies."""
+    total, light = 0.0, 1e-12
+    for i in range(size):
+        total += square[i] * profile[i]
+        light += profile[i]
+    return total / light
 
 
 @kernel
@@ -68,55 +98,49 @@ def _fit_group(
     work: Work,
 ) -> None:  # fmt: skip
     """Fit the traces of one group to the pixels from column `first` on (see `read_row`)."""
-    spot, table, fit, profiles = lens.spot, lens.table, work.fit, work.profiles
+    spot, table, fit, profiles, design = lens.spot, lens.table, work.fit, work.profiles, work.design
     blank, growth = lens.grain[0], lens.grain[1]
     size, g = darkness.size, members.size
     n = 3 * g + 1
     top = table.shape[1] - 2
     normal, copy, rows = work.matrices[0, :n, :n], work.matrices[1], work.matrices[2]
-    value, right, other, start, misfit, weights, limit = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]
+    value, right, other, start, limit = rows[0], rows[1], rows[2], rows[3], rows[4]
+    exposure, residual, weight, square = work.pixels[0], work.pixels[1], work.pixels[2], work.pixels[3]
     value[:n] = 0.0
     for a in range(g):
         value[3 * a + 1] = lamp[members[a]]
     offset_variance = 0.25 * blank
     for _ in range(ROUNDS):
+        exposure[:size] = 0.0
         for a in range(g):
-            k = members[a]
-            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[k, :, :size])
+            k, lit = members[a], value[3 * a + 1]
+            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[k], size)
             peak = 0.02
             for i in range(size):
+                exposure[i] += lit * profiles[k, 0, i]
                 peak = max(peak, profiles[k, 0, i])
             limit[a] = 1.5 * spot / peak
-            misfit[a], weights[a] = 0.0, 1e-12
-        right[:n], normal[:] = 0.0, 0.0
         start[:n] = value[:n]
+        rates = design[n - 1]
         for i in range(size):
-            exposure = 0.0
-            for a in range(g):
-                exposure += value[3 * a + 1] * profiles[members[a], 0, i]
-            place = exposure / STEP
+            place = exposure[i] * (1.0 / STEP)
             index = min(int(place), top)
             share = min(place - index, 1.0)
             dark = table[0, index] + share * (table[0, index + 1] - table[0, index])
-            rate = table[1, index] + share * (table[1, index + 1] - table[1, index])
-            residual = darkness[i] - value[n - 1] - dark
-            weight = 1.0 / (blank + growth * dark)
-            square = residual * residual * weight
-            if square > OUTLIER * OUTLIER:
-                weight *= OUTLIER / math.sqrt(square)
-            for a in range(g):
-                k = members[a]
-                misfit[a] += square * profiles[k, 0, i]
-                weights[a] += profiles[k, 0, i]
-                other[3 * a] = rate * value[3 * a + 1] * profiles[k, 1, i]
-                other[3 * a + 1] = rate * profiles[k, 0, i]
-                other[3 * a + 2] = rate * value[3 * a + 1] * profiles[k, 2, i]
-            other[n - 1] = 1.0
-            for a in range(n):
-                scaled = weight * other[a]
-                right[a] += scaled * residual
-                for b in range(a + 1):
-                    normal[a, b] += scaled * other[b]
+            rates[i] = table[1, index] + share * (table[1, index + 1] - table[1, index])
+            residual[i] = darkness[i] - value[n - 1] - dark
+            weight[i] = 1.0 / (blank + growth * dark)
+            square[i] = residual[i] * residual[i] * weight[i]
+            if square[i] > OUTLIER * OUTLIER:
+                weight[i] *= OUTLIER / math.sqrt(square[i])
+        for a in range(g):
+            k, lit = members[a], value[3 * a + 1]
+            for i in range(size):
+                design[3 * a, i] = rates[i] * lit * profiles[k, 1, i]
+                design[3 * a + 1, i] = rates[i] * profiles[k, 0, i]
+                design[3 * a + 2, i] = rates[i] * lit * profiles[k, 2, i]
+        rates[:size] = 1.0
+        _normal_equations(design, work.pixels, size, normal, right[:n])
         for a in range(g):
             wide = BRIGHTNESS_PRIOR * lamp[members[a]]
             normal[3 * a + 1, 3 * a + 1] += 1.0 / (wide * wide)
@@ -150,7 +174,7 @@ def _fit_group(
             fit[k, 0], fit[k, 1] = 0.0, np.inf
         fit[k, 2] = value[3 * a + 1]
         fit[k, 3] = copy[3 * a + 1, 3 * a + 1]
-        fit[k, 4] = misfit[a] / weights[a]
+        fit[k, 4] = _misfit(square, profiles[k, 0], size)
         fit[k, 5] = fit[k, 1]
         if g > 1:
             for i in range(4):

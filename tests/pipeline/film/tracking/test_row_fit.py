@@ -22,7 +22,7 @@ def row_of(states, shifts, lamps):
     for state, shift, lamp in zip(states, shifts, lamps, strict=True):
         nodes, out = np.zeros((3, MOST_NODES)), np.zeros((3, COLUMNS))
         count = nodes_of(state, SPOT, 0.0, np.empty((0, 2)), 10.5, nodes)
-        profile(nodes, count, shift, 0.0, SPOT, 0, out)
+        profile(nodes, count, shift, 0.0, SPOT, 0, out, COLUMNS)
         exposure += lamp * out[0]
     return CURVE.darkness(exposure)
 
@@ -35,7 +35,7 @@ def read(darkness, states, prior=math.inf, slope_variance=1e-10):
         10.5,
         np.array(states),
         np.ones(traces, np.int64),
-        Optics(SPOT, 0.0, CURVE, GRAIN).lens(),
+        Optics(SPOT, 0.0, CURVE, GRAIN).lens,
         np.ones(traces),
         np.tile([prior, slope_variance], (traces, 1)),
         np.empty((0, 2)),

@@ -55,16 +55,8 @@ class Config:
     @property
     def meaning(self) -> str:
         """What the numbers of the result depend on beside input and versions, as JSON."""
-        settings = {
-            "kind": self.kind.name,
-            "method": list(self.method),
-            "pair": self.pair,
-            "gain_uncertainty": self.gain_uncertainty,
-            "accept": list(self.accept),
-            "member": self.member,
-            "variant": dict(self.variant),
-        }
-        return json.dumps(settings, sort_keys=True)
+        settings = {name: getattr(self, name) for name in ("method", "pair", "gain_uncertainty", "accept", "member")}
+        return json.dumps(settings | {"kind": self.kind.name, "variant": dict(self.variant)}, sort_keys=True)
 
     @property
     def output(self) -> Path:

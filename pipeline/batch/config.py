@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -85,10 +85,6 @@ class Outcome:
     output_sha256: str | None = None  # Of the files' bytes, where they were read and written
     rows: tuple[dict[str, Any], ...] = ()  # What the summary says of each method
     seconds: float = 0.0
-
-    def took(self, seconds: float) -> Outcome:
-        """The same with its time."""
-        return replace(self, seconds=round(seconds, 6))
 
 
 def failure(

@@ -85,22 +85,13 @@ class Budget:
     arrays: int = 1024
 
 
-class Attribute(NamedTuple):
-    """An attribute that passed."""
-
-    name: str
-    id: h5a.AttrID
-    kind: h5t.TypeID
-    space: h5s.SpaceID
-
-
 class Found(NamedTuple):
     """A group or an array that passed."""
 
     path: str  # of the group, without leading slash; for an array that of its group
     name: str  # of the array; empty for a group
     id: h5g.GroupID | h5d.DatasetID
-    attributes: list[Attribute]  # bookkeeping left out
+    attributes: dict[str, h5a.AttrID]  # that passed; bookkeeping left out
     address: int  # of its header in the file; references point there
 
 
@@ -259,11 +250,11 @@ def _plain(kind: h5t.TypeID, where: str) -> h5t.TypeID:
     raise FileError(f"{where}: its type is neither a plain number nor text; store one of {allowed}, or str")
 
 
-def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> list[Attribute]:
+def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) -> dict[str, h5a.AttrID]:
     _within(h5a.get_num_attrs(owner), budget.attributes, where, "attributes")
     names: list[bytes] = []
     h5a.iterate(owner, names.append)
-    passed = []
+    passed = {}
     for raw in names:
         if raw in BOOKKEEPING:
             continue
@@ -275,7 +266,7 @@ def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) 
         elements = space.get_simple_extent_npoints()
         _within(elements, budget.attribute_elements, told, "elements")
         _within(elements * kind.get_size(), budget.attribute_bytes, told, "bytes")
-        passed.append(Attribute(name, attribute, kind, space))
+        passed[name] = attribute
     return passed
 
 

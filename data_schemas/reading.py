@@ -23,19 +23,7 @@ from .adopting import current, unpacked
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
 from .errors import FileError
-from .guard import (
-    Attribute,
-    Budget,
-    Found,
-    Heaps,
-    Survey,
-    full_chunks,
-    is_text,
-    ordinary,
-    sound_heaps,
-    survey,
-    text_bytes,
-)
+from .guard import Budget, Found, Heaps, Survey, full_chunks, is_text, ordinary, sound_heaps, survey, text_bytes
 from .layouts import REWRITTEN
 from .variables import VARIABLES
 from .writing import NOT_COORDINATE, PLACEHOLDER
@@ -250,10 +238,11 @@ class _Reader:
             raise FileError(f"{where}: more than {most} bytes of text; shorten it")
 
     def _attributes(self, owner: Found, where: str) -> dict[str, Any]:
-        return {one.name: self._attribute(one, f"{where}, attribute {shown(one.name)}") for one in owner.attributes}
+        attributes = owner.attributes.items()
+        return {name: self._attribute(one, f"{where}, attribute {shown(name)}") for name, one in attributes}
 
-    def _attribute(self, attribute: Attribute, where: str) -> Any:
-        kind, space = attribute.kind, attribute.space
+    def _attribute(self, attribute: h5a.AttrID, where: str) -> Any:
+        kind, space = attribute.get_type(), attribute.get_space()
         if space.get_simple_extent_type() == h5s.NULL:
             return "" if is_text(kind) else np.empty(0, dtype=kind.dtype.newbyteorder("="))
         values = np.empty(space.shape, dtype=kind.dtype if is_text(kind) else kind.dtype.newbyteorder("="))
@@ -261,11 +250,11 @@ class _Reader:
             count, most = space.get_simple_extent_npoints(), 4 * self._found.budget.text_bytes
             if kind.is_variable_str() and count * self._found.heap > most:
                 raise FileError(f"{where}: too many texts; join them into one")
-            attribute.id.read(values)
+            attribute.read(values)
             decoded = [_decoded(one, where) for one in values.ravel().tolist()]
             self._count(sum(map(len, decoded)), where)
             return decoded[0] if len(decoded) == 1 else decoded
-        attribute.id.read(values)
+        attribute.read(values)
         return as_attribute(values)
 
 

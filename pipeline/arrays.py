@@ -41,11 +41,8 @@ def row_means_present(rows: Floats) -> Floats:
     >>> row_means_present(np.array([[1.0, np.nan, 3.0], [np.nan, np.nan, np.nan]])).tolist()
     [2.0, nan]
     """
-    missing = np.isnan(rows)
-    count = rows.shape[1] - missing.sum(axis=1)
-    total = np.where(missing, 0.0, rows).sum(axis=1)
-    means: Floats = np.divide(total, count, out=np.full(len(rows), np.nan), where=count > 0)
-    return means
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nansum(rows, axis=1) / np.sum(~np.isnan(rows), axis=1))
 
 
 def unwrapped(harmonics: Complexes) -> Floats:

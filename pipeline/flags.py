@@ -50,12 +50,14 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
     beyond = np.array([0.0, seen.time[-1]]) - envelope.time[[0, -1]]  # half a window at either end
     ends = envelope.difference[[0, -1]] + beyond * envelope.difference_speed[[0, -1]]
     amplitude = np.abs(np.append(envelope.difference, ends))
+    by_periods = abs(value.per_ratio) / 1e-7 * float(np.hypot(*seen.period_relative_uncertainty))
+    least_decay = max(_DECAY, 5.0 * estimate.sigma)  # frequency and damping rate have the same standard deviation
     raised = {
         "beats-through-zero": passes_zero(amplitude),
         "short-record": float(seen.time[-1]) < SHORT_SECONDS,
-        "frequency-difference-unresolved": _unresolved(prepared, value),
+        "frequency-difference-unresolved": by_periods > value.noise,
         "gravity-implausible": not IMPLAUSIBLE[0] < value.gravity < IMPLAUSIBLE[1],
-        DAMPING_ASSUMED: seen.damping_rate is None and _decays(prepared, estimate),
+        DAMPING_ASSUMED: seen.damping_rate is None and estimate.damping_rate > least_decay,
         "acceleration-not-reduced": _accelerated(prepared, estimate, value),
         "correction-without-uncertainty": any(
             entry.applied and not entry.stated and abs(entry.value) > value.noise for entry in value.given.values()
@@ -63,12 +65,6 @@ def flags(prepared: Prepared, estimate: Estimate, value: Gravity) -> list[str]:
         **_noise(prepared, estimate),
     }
     return [name for name in OF_GRAVITY if raised.get(name)]
-
-
-def _unresolved(prepared: Prepared, value: Gravity) -> bool:
-    uncertainty = float(np.hypot(*prepared.observation.period_relative_uncertainty))
-    cost = abs(value.per_ratio) * uncertainty / 1e-7
-    return bool(cost > value.noise)
 
 
 def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool:
@@ -79,11 +75,6 @@ def _accelerated(prepared: Prepared, estimate: Estimate, value: Gravity) -> bool
         return False
     size = 0.5 * value.gravity * prepared.slow_square / MGAL
     return size > max(value.noise, LEAST_BROWNE)
-
-
-def _decays(prepared: Prepared, estimate: Estimate) -> bool:
-    uncertainty = max(estimate.sigma, 1e-12)  # frequency and damping rate have the same standard deviation
-    return estimate.damping_rate > max(_DECAY, 5.0 * uncertainty)
 
 
 def _noise(prepared: Prepared, estimate: Estimate) -> dict[str, bool]:

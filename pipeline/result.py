@@ -164,7 +164,7 @@ def _gravity(
         "value_period": value * per_milligal[:, None],
         "applied": ledger("applied", False).astype(np.uint8),
         "reason": ledger("reason", "the method refused").astype(object),
-        "input": ledger("input_names", "").astype(object),
+        "input": ledger("inputs", "").astype(object),
         "formula": _text(module.FORMULA for module in every),
         "formula_source": _text(module.SOURCE for module in every),
         "noise_sigma": column(lambda r: r.gravity.noise),

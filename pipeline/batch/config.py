@@ -7,7 +7,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -55,16 +55,8 @@ class Config:
     @property
     def meaning(self) -> str:
         """What the numbers of the result depend on beside input and versions, as JSON."""
-        settings = {
-            "kind": self.kind.name,
-            "method": list(self.method),
-            "pair": self.pair,
-            "gain_uncertainty": self.gain_uncertainty,
-            "accept": list(self.accept),
-            "member": self.member,
-            "variant": dict(self.variant),
-        }
-        return json.dumps(settings, sort_keys=True)
+        settings = {name: getattr(self, name) for name in ("method", "pair", "gain_uncertainty", "accept", "member")}
+        return json.dumps(settings | {"kind": self.kind.name, "variant": dict(self.variant)}, sort_keys=True)
 
     @property
     def output(self) -> Path:
@@ -93,10 +85,6 @@ class Outcome:
     output_sha256: str | None = None  # Of the files' bytes, where they were read and written
     rows: tuple[dict[str, Any], ...] = ()  # What the summary says of each method
     seconds: float = 0.0
-
-    def took(self, seconds: float) -> Outcome:
-        """The same with its time."""
-        return replace(self, seconds=round(seconds, 6))
 
 
 def failure(

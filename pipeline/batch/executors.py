@@ -21,6 +21,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 
 from pebble import ProcessExpired, ProcessPool
@@ -76,7 +77,7 @@ class Isolated:
                 return future.result()
             except TimeoutError:
                 told = f"{path}: took longer than {self.form[1]:g} s and was ended; allow more with --timeout"
-                return failure(config.key, "TimedOut", told).took(self.form[1])
+                return replace(failure(config.key, "TimedOut", told), seconds=round(self.form[1], 6))
             except ProcessExpired as error:
                 told = f"{path}: its process {_death(error.exitcode)}; look at this file, or allow more with --memory"
                 return failure(config.key, "Crashed", told)

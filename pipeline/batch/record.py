@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,7 @@ def process_record(path: Path, config: Config) -> Outcome:
     except Exception as error:  # ours or a library's: it must cost this record alone, and is told
         told = f"{path}: internal error: {type(error).__name__}: {error}; please report"
         outcome = failure(config.key, type(error).__name__, told, digest)
-    return outcome.took(time.perf_counter() - started)
+    return replace(outcome, seconds=round(time.perf_counter() - started, 6))
 
 
 def input_sha256(path: Path, kind: Kind) -> str:

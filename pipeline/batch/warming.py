@@ -44,26 +44,17 @@ def warm(methods: Sequence[str], parent: int | None = None) -> None:
 
 def small_record(count: int = 2250) -> DataTree:
     """Two free pendulums, `count` readings at 25 Hz; a minute and a half is the least that every method takes."""
-    from xarray import Dataset, DataTree
+    from xarray import Dataset
 
-    from data_schemas.layouts import root_attributes
-    from data_schemas.variables import attributes, dataset
+    from data_schemas import adopted
 
     time = np.arange(count) * 0.04
     period = np.array([1.00966, 1.009760966])
     swing = 0.01 * np.cos(2.0 * np.pi / period[:, None] * time + np.array([[0.4], [2.2]]))
-    labels = {"pendulum": ["1", "2"]}
-    combination = np.array([[1.0, 0.0], [1.0, -1.0]])
-    angles = {"combination": combination, "elongation": combination @ swing}
-    head = root_attributes("record", "warm")
-    instrument = dataset("instrument", {"period": period, "reference_gravity": 9.81}, labels)
-    return DataTree.from_dict(
-        {
-            "/": Dataset({"time": ("time", time, attributes("time"))}, attrs=head),
-            "/record": dataset("record", angles, {"trace": ["1", "1-2"], **labels}),
-            "/instrument": instrument.assign_attrs(restoring="sine"),  # not stated, so few swings do not tell it
-        }
-    )
+    swing[1] = swing[0] - swing[1]
+    values = {"elongation": (("trace", "time"), swing), "period": ("pendulum", period), "reference_gravity": 9.81}
+    said = {"record_id": "warm", "restoring": "sine"}  # not left open, so few swings do not tell it
+    return adopted(Dataset(values, {"trace": ["1", "1-2"], "pendulum": ["1", "2"], "time": time}, said))
 
 
 def _die_with(parent: int) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +99,7 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     options = options or ImportOptions()
     table = read_columns(path) if Path(path).suffix.lower() in NETCDF else read_table(path)
     time_column = find_column(table, options.time) if options.time else 0
-    clock = relative_times(table, time_column)
+    start, reading, seconds = relative_times(table, time_column)
     if options.position:
         table, chosen = with_angle(table, options.position)
     else:
@@ -118,11 +118,11 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
         identifier(Path(name).stem),
         title=f"pendulum record imported from {name}",
         history=f"imported by isochrony: {columns}, in {options.unit or 'the units of the headers, else rad'}",
-        source=f"{name}, whose own clock reads {clock.reading} at the start",
+        source=f"{name}, whose own clock reads {reading} at the start",
     )
-    time = {**attributes("time"), "units": f"seconds since {clock.start}"}
+    time = {**attributes("time"), "units": f"seconds since {start}"}
     groups = {
-        "/": xr.Dataset(coords={"time": ("time", clock.seconds, time)}, attrs=root),
+        "/": xr.Dataset(coords={"time": ("time", seconds, time)}, attrs=root),
         "/record": dataset("record", values, {"trace": list(chosen), "pendulum": pendulums}),
     }
     period = _periods(pendulums, options, needed=len(chosen) > 1)
@@ -281,16 +281,10 @@ def _instrument(pendulums: list[str], period: NDArray[np.float64] | None, option
     return dataset("instrument", values, {"pendulum": pendulums}).assign_attrs(words)
 
 
-class Clock(NamedTuple):
-    """The times of a table."""
+def relative_times(table: Table, column: int) -> tuple[str, str, NDArray[np.float64]]:
+    """Start of a table, what its own clock reads there, and seconds (rows,) from the first row, strictly increasing.
 
-    start: str  # ISO date for the units "seconds since ..."; a conventional one if the table gives numbers
-    reading: str  # of the table's own clock at the first row
-    seconds: NDArray[np.float64]  # (rows,) from the first row, strictly increasing
-
-
-def relative_times(table: Table, column: int) -> Clock:
-    """Seconds from the first row.
+    The start is an ISO date for the units "seconds since ..."; a conventional one if the table gives numbers.
 
     `RecordError`: a time is missing or unreadable, repeats or goes back (the line is named), or there are not two rows.
     """
@@ -312,7 +306,7 @@ def relative_times(table: Table, column: int) -> Clock:
             f"{table.source}: line {table.lines[row]}: time {shown(table.rows[row][column])} {what} that of line "
             f"{table.lines[row - 1]}; sort the rows and keep one row a time"
         )
-    return Clock(start, reading, times)
+    return start, reading, times
 
 
 def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:

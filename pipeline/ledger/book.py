@@ -90,7 +90,7 @@ def _balance(case: Case, corrections: Sequence[Correction], gravity: float) -> t
             sigma=change.sigma if stated else ASSUMED * abs(value),
             applied=change.applied,
             reason=change.reason + ("" if stated else f"; no uncertainty stated, {100.0 * ASSUMED:g} % assumed"),
-            inputs=tuple(f"instrument/{name}" for name in wanted if name in constants) if change.applied else (),
+            inputs=" ".join(f"instrument/{name}" for name in wanted if name in constants) if change.applied else "",
             stated=stated,
         )
         gravity = change.gravity

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,20 +32,15 @@ class Entry:
     """One correction as the result lists it, ADDED to gravity; mGal.
 
     Where no input states its uncertainty (`stated` is false), `sigma` is `ASSUMED` of the value; `inputs` names the
-    record's variables that were used.
+    record's variables that were used, separated by blanks.
     """
 
     value: float
     sigma: float
     applied: bool
     reason: str
-    inputs: tuple[str, ...] = ()
+    inputs: str = ""
     stated: bool = True
-
-    @property
-    def input_names(self) -> str:
-        """The inputs, separated by blanks."""
-        return " ".join(self.inputs)
 
 
 class Change(NamedTuple):
@@ -125,15 +120,9 @@ class Case:
         """A number of /instrument for each of the two pendulums."""
         return np.asarray(self.prepared.observation.constants[name], dtype=np.float64)
 
-    def uncertainty(self, name: str) -> float | None:
-        """1 sigma of a number of /instrument; None where it states none."""
-        stated = f"{name}_uncertainty"
-        return self.scalar(stated) if stated in self.prepared.observation.constants else None
-
-    def uncertainties(self, name: str) -> Floats | None:
-        """The same for each of the two pendulums."""
-        stated = f"{name}_uncertainty"
-        return self.pair(stated) if stated in self.prepared.observation.constants else None
+    def uncertainty(self, name: str) -> Any:
+        """1 sigma of a number of /instrument, or of both pendulums' numbers; None where it states none."""
+        return self.prepared.observation.constants.get(f"{name}_uncertainty")
 
     def gravity_of(self, frequency: float) -> float:
         """Gravity of a frequency of the second pendulum in the record's own time at the stated period, m s-2."""

@@ -51,7 +51,7 @@ def temperature(case: Case, gravity: float) -> Change:
         warm = case.mean_over_record(course) - reference
         words = f"{course.min():.2f} to {course.max():.2f} K, acting as {warm + reference:.3f} K"
     coefficient = case.pair("temperature_coefficient") / case.period
-    own, owns = case.uncertainty("temperature"), case.uncertainties("temperature_coefficient")
+    own, owns = case.uncertainty("temperature"), case.uncertainty("temperature_coefficient")
     sigma = case.sigma(
         None if own is None else case.of_periods(*coefficient * own),  # a thermometer that both pendulums share
         None if owns is None else case.independent(owns * warm / case.period),
@@ -74,7 +74,7 @@ def air_density(case: Case, gravity: float) -> Change:
     density, reference = case.scalar("air_density"), case.scalar("air_density_reference")
     coefficient = case.pair("density_coefficient") / reference
     warm = case.period + float(by_temperature(case.prepared.observation.constants)[1])
-    own, owns = case.uncertainty("air_density"), case.uncertainties("density_coefficient")
+    own, owns = case.uncertainty("air_density"), case.uncertainty("density_coefficient")
     sigma = case.sigma(
         None if own is None else case.of_periods(*coefficient * own / case.period),
         None if owns is None else case.independent(owns * density / reference / case.period),

@@ -79,7 +79,7 @@ tilt = _by_number(
 )
 def planes(case: Case, gravity: float) -> Change:
     """Planes of swing that are not parallel: nothing can be reduced without y''; what it may do is in sigma."""
-    apart, own = float(np.ptp(case.pair("plane_angle"))), case.uncertainties("plane_angle")
+    apart, own = float(np.ptp(case.pair("plane_angle"))), case.uncertainty("plane_angle")
     if own is not None:
         apart = float(np.hypot(apart, np.hypot(*own)))
     name = "transverse_acceleration_mean_square"

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -56,13 +55,13 @@ def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float
 
     `scale_uncertainty` is relative, 1 sigma, of the scale of the angles.
     """
-    extremes = smooth_extremes(cycles)
+    extremes, noise = smooth_extremes(cycles)
 
     def factor(values: Floats) -> Floats:
         return np.ones_like(values) if linear else arc_factor(np.clip(values, 0.0, 3.14))
 
     sides = (cycles.rising, cycles.falling)
-    amplitude = [np.interp(times, cycles.turning_time, extremes.size) for times in sides]
+    amplitude = [np.interp(times, cycles.turning_time, extremes) for times in sides]
     middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in sides])
     order = np.argsort(middle)
     length = np.concatenate([np.diff(times) for times in sides])[order]
@@ -70,8 +69,8 @@ def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float
     mean_factor = np.concatenate([_mean_factor(a, 0.0, factor) for a in amplitude])[order]
     reduced = length / mean_factor
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
-    friction = decay(extremes.time, np.abs(cycles.turning), extremes.size, cycles.rough_period)
-    period, scale, drift, sigma = _regress(cycles, extremes, factor, friction.dry, max(scale_uncertainty, 1e-9))
+    friction = decay(cycles.turning_time, np.abs(cycles.turning), extremes, cycles.rough_period)
+    period, scale, drift, sigma = _regress(cycles, extremes, noise, factor, friction.dry, max(scale_uncertainty, 1e-9))
     window = np.ones(min(SMOOTHING, length.size))
     present, count = (np.convolve(each, window, mode="same") for each in (np.where(whole, reduced, 0.0), 1.0 * whole))
     smooth_reduced = present / np.maximum(count, 1.0)
@@ -94,7 +93,7 @@ def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
 
 
 def _regress(
-    cycles: Cycles, extremes: Extremes, factor: Factor, dry: float, scale_prior: float
+    cycles: Cycles, extremes: Floats, scatter: float, factor: Factor, dry: float, scale_prior: float
 ) -> tuple[float, float, float, list[float]]:
     """Period, scale and drift, and sigma by column: weighted least squares on the crossing times; errors go as 1/v.
 
@@ -105,7 +104,7 @@ def _regress(
     for _ in range(ROUNDS):
         columns, values, weights = [], [], []
         for side, times in enumerate((cycles.rising, cycles.falling)):
-            sizes = np.interp(times, cycles.turning_time, extremes.size)
+            sizes = np.interp(times, cycles.turning_time, extremes)
             speed = 4.0 * np.pi / period * np.sin(0.5 * np.clip(sizes, 1e-6, np.pi))
             mean = _mean_factor(sizes, scale, factor)
             count = np.maximum(1.0, np.rint(np.diff(times) / (period * mean)))
@@ -145,9 +144,9 @@ def _regress(
     jackknife = np.sqrt((BLOCKS - 1) * np.var(np.array(without), axis=0))
     # an error of one extreme shifts all later crossings by T0/2 dK/dA of it: beside the others
     influence = inverse[:, : own.size] * own
-    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in extremes.time])
-    slope = (factor(extremes.size * (1.0 + 1e-4)) - factor(extremes.size)) / (1e-4 * extremes.size)
-    shifts = 0.5 * period * slope[:, None] * later * extremes.noise
+    later = np.array([influence[:, value[keep] > moment].sum(axis=1) for moment in cycles.turning_time])
+    slope = (factor(extremes * (1.0 + 1e-4)) - factor(extremes)) / (1e-4 * extremes)
+    shifts = 0.5 * period * slope[:, None] * later * scatter
     formal = np.linalg.norm(inverse, axis=1)
     sigma = np.hypot(np.maximum(jackknife, formal), np.sqrt(np.sum(shifts**2, axis=0)))
     return period, scale, float(solution[DRIFT]), sigma.tolist()
@@ -161,16 +160,8 @@ def _solved(matrix: Floats, value: Floats, weight: Floats, known: tuple[Floats, 
     return np.asarray(np.linalg.lstsq(rows / size, right, rcond=None)[0] / size)
 
 
-class Extremes(NamedTuple):
-    """Turning points: time (s), smoothed amplitude and noise of a single one (rad)."""
-
-    time: Floats
-    size: Floats
-    noise: float
-
-
-def smooth_extremes(cycles: Cycles) -> Extremes:
-    """Amplitude at the turning points by a running parabola in its logarithm: noise of single extremes averages out."""
+def smooth_extremes(cycles: Cycles) -> tuple[Floats, float]:
+    """Amplitude at the turning points by a running parabola in its logarithm, and the noise of a single one, rad."""
     time, size = cycles.turning_time, np.abs(cycles.turning)
     logarithm = np.log(np.maximum(size, 1e-12))
     smooth = np.empty(size.size)
@@ -181,7 +172,7 @@ def smooth_extremes(cycles: Cycles) -> Extremes:
         degree = min(2, tau.size - 1)
         smooth[k] = np.polynomial.polynomial.polyfit(tau / scale, logarithm[part], degree, w=size[part])[0]
     smooth = np.exp(smooth)
-    return Extremes(time, smooth, 1.4826 * float(np.median(np.abs(size - smooth))))
+    return smooth, 1.4826 * float(np.median(np.abs(size - smooth)))
 
 
 def _colour(residual: Floats) -> float:

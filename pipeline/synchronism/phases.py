@@ -6,7 +6,6 @@ left out, never filled; an instant with less than half of its window has no phas
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ _LEAST_SWINGS = 12.0
 _LEAST_READINGS = 12  # of a window
 _TERMS = 5
 _PADDING = 4
-_MULTIPLES = {"vertical_acceleration": 2.0, "horizontal_acceleration": 1.0}
 
 
 class Phases(NamedTuple):
@@ -116,35 +114,3 @@ def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[c
     variance = float(weight @ (left * left)) / float(weight.sum()) * seen.size / (seen.size - _TERMS)
     spread = inverse @ (weighted @ weighted.T) @ inverse
     return complex(parts[0], -parts[1]), float(np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1])))
-
-
-class Beam(NamedTuple):
-    """Motion of the support at a multiple of the clocks' frequency."""
-
-    direction: str  # vertical or horizontal
-    amplitude: float  # m
-    ratio: Floats  # (clocks,) amplitude of the support over that of the clock, m rad-1
-
-
-def beam(
-    time: Floats, accelerations: Mapping[str, Floats], frequency: float, amplitude: Floats, since: float
-) -> Beam | None:
-    """The larger of what the accelerations (n,), m s-2, by their names in the record show; None if none was recorded.
-
-    `frequency`, rad/s, and mean amplitudes (clocks,), rad, are the clocks'; motion counts from the time `since` on, s.
-    """
-    found = []
-    for name, multiple in _MULTIPLES.items():
-        values = accelerations.get(name)
-        if values is None:
-            continue
-        used = np.isfinite(values) & (time >= since)
-        if used.sum() < 16:
-            continue
-        turn = multiple * frequency
-        window = np.hanning(int(used.sum()))
-        carrier = np.exp(-1j * turn * time[used])
-        felt = np.abs(2.0 * np.sum(window * (values[used] - values[used].mean()) * carrier) / window.sum())
-        size = float(felt) / turn**2
-        found.append(Beam(name.partition("_")[0], size, size / amplitude))
-    return max(found, key=lambda each: each.amplitude, default=None)

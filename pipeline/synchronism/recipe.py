@@ -19,11 +19,12 @@ from pipeline.flags import of_film
 from pipeline.gravity import DAY
 from pipeline.result import result_attributes
 from pipeline.summary import without_gravity
-from pipeline.synchronism.phases import Phases, beam, phases
+from pipeline.synchronism.phases import Phases, phases
 from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, block_slope, judge
 
 _LEAST_INSTANTS, _RATE_BLOCKS = 16, 16
 _A_DAY = DAY / (2.0 * math.pi)  # swings a day in a rad s-1
+_MULTIPLES = {"vertical": 2.0, "horizontal": 1.0}  # of the clocks' frequency, at which the support moves
 UNSURE = 0.95
 _SUMMED = {
     "confidence": "confidence", "angle_rad": "locked_angle", "angle_sigma_rad": "locked_angle_sigma",
@@ -125,13 +126,23 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
 
 
 def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
-    """Motion of the support in the second half, and its direction, where an acceleration was recorded."""
-    traces = record["record"].dataset
-    recorded = [name for name in ("vertical_acceleration", "horizontal_acceleration") if name in traces]
-    accelerations = {name: np.asarray(traces[name].values, dtype=np.float64) for name in recorded}
-    size = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
-    moved = beam(time, accelerations, float(seen.frequency.mean()), size, 0.5 * float(time[-1]))
-    return ({"beam_amplitude": moved.amplitude, "beam_ratio": moved.ratio}, moved.direction) if moved else ({}, "")
+    """Motion of the support in the second half at a multiple of the clocks' frequency, and its direction.
+
+    The larger of what the recorded accelerations show; nothing where none was recorded.
+    """
+    traces, found = record["record"].dataset, [(-1.0, "")]
+    for direction, multiple in _MULTIPLES.items():
+        if (name := f"{direction}_acceleration") in traces:
+            values = np.asarray(traces[name].values, dtype=np.float64)
+            used = np.isfinite(values) & (time >= 0.5 * float(time[-1]))
+            if used.sum() >= _LEAST_INSTANTS:
+                turn, window = multiple * float(seen.frequency.mean()), np.hanning(int(used.sum()))
+                carrier = np.exp(-1j * turn * time[used])
+                felt = np.abs(2.0 * np.sum(window * (values[used] - values[used].mean()) * carrier) / window.sum())
+                found.append((float(felt) / turn**2, direction))
+    size, direction = max(found, key=lambda each: each[0])
+    swings = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
+    return ({"beam_amplitude": size, "beam_ratio": size / swings} if direction else {}), direction
 
 
 def _refuse_rare(record: DataTree, spacing: float) -> None:

@@ -15,7 +15,7 @@ from pipeline.conditions import Tie
 from pipeline.estimate import Estimate
 from pipeline.ledger import eotvos, own, tide
 from pipeline.ledger.book import OWN, own_entries
-from pipeline.ledger.entry import MGAL, Case, Correction, Entry, Shares
+from pipeline.ledger.entry import MGAL, Case, Correction, Shares
 from pipeline.ledger.instrument import air_density, base_tie, chronometer, temperature
 from pipeline.ledger.stand import planes, rocking, tilt, transverse_acceleration, yaw
 
@@ -241,4 +241,3 @@ def test_independent_parts_add_in_squares() -> None:
     for parts in itertools.permutations([3.0, None, 4.0]):
         assert one.sigma(*parts) == 5.0
     assert np.isnan(one.sigma(None))
-    assert Entry(0.0, 0.0, True, "", ("a", "b")).input_names == "a b"

@@ -122,7 +122,7 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
 
     start = time.perf_counter()
     rows, span = _stretch(options)
-    reading, known = read_film(film, options, film_options(options), rows)
+    reading, known = read_film(film, options, rows)
     reading = reading if span is None else reading.between(*span)
     record = make_record(reading, known, stem(film[0]))
     make_folder(output)
@@ -163,7 +163,7 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
     if options.start is not None or options.stop is not None:
         raise UsageError("digitise --table: the whole film lies on the table; drop --from and --to")
     with progress(films[0][0].name, " rows") as draw:
-        edits = edits_of(films[0][0], argparse.Namespace(edits=options.edits or ""))
+        edits = edits_of(films[0][0], options.edits or "")
         jobs = max(options.jobs, min(2, os.cpu_count() or 1))  # a person waits; numbers are the same
         given = {**scan_options(options), "edits": edits, "who": options.by, "jobs": jobs, "progress": draw}
         session = Session.open(films[0], description(options), film_options(options), **given)
@@ -215,24 +215,13 @@ def add_reading_options(parser: Any) -> None:
 
 
 def film_options(options: argparse.Namespace) -> FilmOptions:
-    """All options, as `make_record` takes them."""
-    from dataclasses import replace
-
-    return replace(
-        reading_options(options),
-        lever=options.lever,
-        combinations=pairs("digitise", "--combination", options.combination),
-        periods=periods("digitise", options.period),
-        gravity=options.gravity,
-    )
-
-
-def reading_options(options: argparse.Namespace) -> FilmOptions:
-    """What matters for reading the film."""
+    """What the options say of the film, as the reader and `make_record` take it."""
     from pipeline.film.knowledge import FilmOptions
 
-    given = {name: getattr(options, name) for name in ("mark_interval", "marks", "speed", "dpi")}
-    return FilmOptions(traces=tuple(options.trace), **given)
+    given = {name: getattr(options, name) for name in ("lever", "gravity", "mark_interval", "marks", "speed", "dpi")}
+    combinations = pairs("digitise", "--combination", options.combination)
+    labelled = periods("digitise", options.period)
+    return FilmOptions(traces=tuple(options.trace), combinations=combinations, periods=labelled, **given)
 
 
 def description(options: argparse.Namespace) -> FilmDescription | None:
@@ -244,13 +233,11 @@ def description(options: argparse.Namespace) -> FilmDescription | None:
     return load_description(Path(options.description))
 
 
-def edits_of(film: Path, options: argparse.Namespace) -> Path | None:
-    """File of the edits that are to be applied to a film."""
+def edits_of(film: Path, name: str | None) -> Path | None:
+    """File of the edits that are to be applied to a film, by the word of `--edits`."""
     from data_schemas.film_edits import edits_path
 
-    if options.edits is None:
-        return None
-    return Path(options.edits) if options.edits else edits_path(film)
+    return edits_path(film) if name == "" else None if name is None else Path(name)
 
 
 def scan_options(options: argparse.Namespace) -> dict[str, Any]:
@@ -259,11 +246,12 @@ def scan_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def read_film(
-    film: Sequence[Path], options: argparse.Namespace, said: FilmOptions, rows: tuple[int, int | None] | None = None
+    film: Sequence[Path], options: argparse.Namespace, rows: tuple[int, int | None] | None = None
 ) -> tuple[Reading, Known]:
     """Read a film, or some of its rows, as the options say, with a progress bar."""
     from pipeline.film.digitise import read
 
-    given = {"options": said, "edits": edits_of(film[0], options), "rows": rows, "jobs": options.jobs}
+    edits = edits_of(film[0], options.edits)
+    given = {"options": film_options(options), "edits": edits, "rows": rows, "jobs": options.jobs}
     with progress(film[0].name, " rows") as draw:
         return read(film, description(options), **scan_options(options), **given, progress=draw)

@@ -210,7 +210,7 @@ def taylor(problem: Problem, times: Floats, tolerance: float, number: Any, **opt
         integrator.state[:] = start
         outcome, *_, states = integrator.propagate_grid(instants)
         if outcome != hy.taylor_outcome.time_limit:
-            raise RefusedError(f"heyoka: {outcome}")
+            raise RefusedError(f"heyoka{'' if number is float else ', 80 bits'}: {outcome}")
         return np.asarray(states, dtype=np.float64)
 
     return call

@@ -40,12 +40,6 @@ examples:
   isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
   isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
 
-_MARKS = """\
-at each full minute the shutter closes twice (double), for longer (long), not at all (omitted) or as ever (none); \
-default: what repeats every minute"""
-_TURN = "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"
-_LINES = "dark on light film, light on dark, or auto (default)"
-_READING = "continuous (between the marks), strobe (at the marks alone) or auto (default)"
 _NUMBERS = (
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
     ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
@@ -53,11 +47,16 @@ _NUMBERS = (
     ("--rate", "HZ", "samples a second, continuous (default up to 25)"),
 )
 _CHOICES: tuple[tuple[str, str, str, str, str | None, str], ...] = (
-    ("--marks", "kind of marks", "double long omitted none", "CODE", None, _MARKS),
-    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto", _TURN),
-    ("--lines", "kind of lines", "auto dark light", "TONE", "auto", _LINES),
-    ("--reading", "reading", "auto continuous strobe", "HOW", "auto", _READING),
-)  # Option, what it is called, its values, metavar, default, help
+    ("--marks", "kind of marks", "double long omitted none", "CODE", None, "at each full minute the shutter closes "
+     "twice (double), for longer (long), not at all (omitted) or as ever (none); default: what repeats every minute"),
+    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto",
+     "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"),
+    ("--lines", "kind of lines", "auto dark light", "TONE", "auto",
+     "dark on light film, light on dark, or auto (default)"),
+    ("--reading", "reading", "auto continuous strobe", "HOW", "auto",
+     "continuous (between the marks), strobe (at the marks alone) or auto (default)"),
+)  # fmt: skip
+"""Option, what it is called, its values, metavar, default, help."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -104,11 +103,8 @@ def run(options: argparse.Namespace) -> int:
         try:
             row = _one(film, output, options)
         except IsochronyError as fault:
-            told = naming(film[0], str(fault))
-            if isinstance(fault, UsageError) and len(films) == 1:
-                raise type(fault)(told) from fault
-            row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None}
-            row |= {"status": outcome_of(fault), "error": told}
+            status, error = outcome_of(fault, film[0], alone=len(films) == 1)
+            row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None, "status": status, "error": error}
         _show(row, as_json=options.json)
         good += row["status"] == "ok"
     return exit_status(good, len(films))

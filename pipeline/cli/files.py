@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 import data_schemas
-from data_schemas.errors import IsochronyError, RecordError, RefusedError, UsageError
+from data_schemas.errors import IsochronyError, RecordError, RefusedError, UsageError, naming
 from data_schemas.layouts import LAYOUTS, REWRITTEN
 from pipeline.cli.tables import complain
 
@@ -39,9 +39,12 @@ _INSTEAD = {
 }  # What to do with a file of each kind
 
 
-def outcome_of(fault: IsochronyError) -> str:
-    """Status of an input that gave nothing, as summaries have it."""
-    return "refused" if isinstance(fault, RefusedError) else "failed"
+def outcome_of(fault: IsochronyError, path: Path, *, alone: bool) -> tuple[str, str]:
+    """Status of an input that gave nothing, as summaries have it, and why; a wrong use of the only input is raised."""
+    told = naming(path, str(fault))
+    if alone and isinstance(fault, UsageError):
+        raise type(fault)(told) from fault
+    return "refused" if isinstance(fault, RefusedError) else "failed", told
 
 
 def exit_status(good: int, total: int) -> int:

@@ -75,6 +75,6 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     film = folder / "warm.film.tif"
     yield "process", partial(warm, [name for name in METHODS if name != "auto"])
     for name in sorted(synth.scenes()):
-        yield f"simulate {name}", lambda name=name: synth.simulate(scene(name, _DURATION))
+        yield f"simulate {name}", partial(lambda each: synth.simulate(scene(each, _DURATION)), name)
     yield "expose", lambda: synth.expose_to(scene("film", _OF_FILM), synth.load_film("typical"), film)
     yield "digitise", partial(digitise, film)

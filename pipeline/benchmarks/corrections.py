@@ -174,18 +174,10 @@ def summary(points: Sequence[Row]) -> list[Row]:
     for name in METHODS:
         rows = [row for row in points if row["method"] == name]
         values = [row for row in rows if not row["refused"]]
-        errors = [abs(row["error_mgal"]) for row in values]
-        table.append(
-            {
-                "method": name,
-                "median_ms": statistics.median([row["ms"] for row in values] or [math.nan]),
-                "median_error_mgal": statistics.median(errors or [math.nan]),
-                "worst_error_mgal": max(errors, default=math.nan),
-                "flagged": sum(bool(row["flags"]) for row in rows),
-                "declined": len(rows) - len(values),
-                "records": len(rows),
-            }
-        )
+        times, errors = ([abs(row[key]) for row in values] or [math.nan] for key in ("ms", "error_mgal"))
+        sizes = {"median_ms": statistics.median(times), "median_error_mgal": statistics.median(errors)}
+        counts = {"flagged": sum(bool(row["flags"]) for row in rows), "declined": len(rows) - len(values)}
+        table.append({"method": name, **sizes, "worst_error_mgal": max(errors), **counts, "records": len(rows)})
     return table
 
 

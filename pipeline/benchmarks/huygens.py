@@ -26,7 +26,7 @@ from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
 from synth.huygens.slow_flow import stability
 from synth.integrators.collocation import integrate, integrate_ensemble
 
-KEYS = ("beta", "q", "tau", "k")
+LABELS = {"beta": "beta", "q": "q = 2X/l", "tau": "tau", "k": "k = d eta/d chi"}
 """Of a regime: detuning of the frequency, amplitude of the beam, detuning of the clocks, slope d eta/d chi."""
 DRIVE = 0.02  # delta, of which the paper gives none
 _A_SWING = 16  # readings
@@ -48,7 +48,6 @@ _WAYS: dict[str, dict[str, Any]] = {
     "orbit": {"color": GREEN, "linestyle": "", "marker": "o", "markersize": 5.5},
     "motion": {"color": "black", "linestyle": "", "marker": "x", "markersize": 6},
 }
-_QUANTITIES = (("beta", "beta"), ("q", "q = 2X/l"), ("tau", "tau"), ("k", "k = d eta/d chi"))
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -114,8 +113,7 @@ def moved(regime: Regime, clocks: Clocks, swings: int = 400) -> Regime:
     time = np.arange(len(late)) * step
     swing = np.unwrap(np.angle(late[:, 2] - 1j * late[:, 3]))
     frequency = float(np.polyfit(time, swing, 1)[0])  # of the clocks; z = frequency s
-    turns = np.exp(-1j * frequency * time)
-    window = np.hanning(len(late))
+    turns, window = np.exp(-1j * frequency * time), np.hanning(len(late))
     clock = complex(2.0 * np.sum(window * late[:, 2] * turns) / window.sum())
     beam = complex(-4.0 * np.sum(window * late[:, 0] * turns**2) / window.sum())
     alpha = math.remainder(0.5 * float(np.angle(beam)) - float(np.angle(clock)), math.pi)
@@ -127,17 +125,16 @@ def _of(regime: Regime, way: str, clocks: Clocks, k: float) -> Row:
 
 
 def _row(way: str, alpha: float, *values: Any) -> Row:
-    return {"way": way, "alpha": alpha, **dict(zip(KEYS, map(float, values), strict=True)), "stable": None}
+    return {"way": way, "alpha": alpha, **dict(zip(LABELS, map(float, values), strict=True)), "stable": None}
 
 
 def claims(curves: Sequence[Row], edges: Sequence[Row], step: float) -> list[Row]:
     """One row a claim, from the suite's rows and the step of chi on the lock map."""
     by_way = {way: [row for row in curves if row["way"] == way] for way in {row["way"] for row in curves}}
     orbit = by_way["orbit"]
-    beta = _apart(orbit, by_way["corrected chain"], "beta")
+    beta, moved = (_apart(orbit, by_way[way], "beta") for way in ("corrected chain", "motion"))
     slope = _apart(orbit, by_way["balance"], "k", relative=True)
     plain = _apart(by_way["paper"], orbit, "k", relative=True)
-    moved = _apart(by_way["motion"], orbit, "beta")
     share = float(np.mean([row["stable"] is False for row in orbit]))
     pairs = [(row["edge_by_motion"], row["edge_by_theory"]) for row in edges if abs(row["tau"]) < 0.03]
     edge = max(max(0.0, abs(moved / theory - 1.0) - step / theory) for moved, theory in pairs)
@@ -210,10 +207,8 @@ def edges(chis: Floats, taus: Floats, rows: list[Row]) -> list[Row]:
 
 def measured_edge(chis: Floats, row: Row) -> float:
     """Middle between the last chi that locked and the first that did not, counted from 0."""
-    slipped = np.flatnonzero(~np.asarray(row["locked"], dtype=bool))
-    if slipped.size == 0:
-        return math.inf
-    return (float(slipped[0]) + 0.5) * float(chis[1] - chis[0])
+    locked = list(row["locked"])
+    return (locked.index(0) + 0.5) * float(chis[1] - chis[0]) if 0 in locked else math.inf
 
 
 def draw_regime(rows: Sequence[Row], path: Path) -> None:
@@ -221,7 +216,7 @@ def draw_regime(rows: Sequence[Row], path: Path) -> None:
     words = "delta0 = 0.02, nu = 5.714e-5 as in their Fig. 2 (top left); delta = 0.02; system (2), where it is a saddle"
     figure = sheet("The synchronous regime of Kanunnikov and Lamper, by every way there is", words, 11.5, 8.4)
     grid = figure.add_gridspec(2, 2)
-    for number, (key, label) in enumerate(_QUANTITIES):
+    for number, (key, label) in enumerate(LABELS.items()):
         axes = panel(figure, grid[number // 2, number % 2], f"{key}(alpha)", "alpha, rad", label)
         for way, look in _WAYS.items():
             chosen = sorted((row for row in rows if row["way"] == way), key=lambda row: float(row["alpha"]))

@@ -23,7 +23,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Call, Make, Problem, raced
-from pipeline.benchmarks.references import Reference, equations, reference
+from pipeline.benchmarks.references import Reference, reference, taylor
 from pipeline.benchmarks.tables import RATIO, Row, at_least, draws, not_measured, progress, rounds, timed
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
 from synth.phase import Floats
@@ -70,20 +70,8 @@ class Peer(NamedTuple):
 
 def heyoka(problem: Problem, tolerance: float) -> Call:
     """Adaptive Taylor integration, non-compact mode, in double."""
-    import heyoka as hy
-
-    start, times = problem.start, problem.times
-    integrator = hy.taylor_adaptive(equations(problem, float), start, tol=tolerance, compact_mode=False)
-
-    def call() -> Answer:
-        integrator.time = times[0]
-        integrator.state[:] = start
-        outcome, *_, states = integrator.propagate_grid(times)
-        if outcome != hy.taylor_outcome.time_limit:
-            raise RefusedError(f"heyoka: {outcome}")
-        return Answer(np.asarray(states))
-
-    return call
+    states = taylor(problem, problem.times, tolerance, float, compact_mode=False)
+    return lambda: Answer(states())
 
 
 def cyrk(problem: Problem, tolerance: float, method: str) -> Call:

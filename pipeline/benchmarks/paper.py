@@ -30,7 +30,7 @@ from pipeline.correction import integrated, model_speed
 from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
-from pipeline.methods.phases import MARK_SECONDS, Phases, phases, value_and_slope
+from pipeline.methods.phases import MARK_SECONDS, phases, value_and_slope
 from pipeline.observation import observe
 from pipeline.phase_speed import disturbed_speed, leaking, near_resonant_amplitude, phase_speed
 from pipeline.prepared import Prepared, prepare
@@ -68,17 +68,11 @@ def neglected_terms(ready: Prepared) -> dict[str, float]:
         "finite_arc": with_arc - without,
     }
     scale = 2.0 * seen.reference_gravity * frequency / ready.nominal**2 / MGAL  # mGal per rad s-1
-    worth = {name: scale * _slope(found, speed) for name, speed in speeds.items()}
+    time, weight, here = envelope.time, found.weight, found.weight > 0.0
+    turned = {name: integrated(speed, envelope.hop) for name, speed in speeds.items()}
+    worth = {name: scale * regression(time[here], turn[here], weight[here]) for name, turn in turned.items()}
     worth["slow_difference"] = scale * _slow_slope(ready, envelope, first_frequency, frequency)
     return worth
-
-
-def _slope(found: Phases, speed: Floats) -> float:
-    """What a term of the phase speed adds to the slope of the regression, rad s-1."""
-    present = found.weight > 0.0
-    return regression(
-        found.envelope.time[present], integrated(speed, found.envelope.hop)[present], found.weight[present]
-    )
 
 
 def _slow_slope(ready: Prepared, envelope: Envelope, first_frequency: float, frequency: float) -> float:
@@ -92,11 +86,8 @@ def _slow_slope(ready: Prepared, envelope: Envelope, first_frequency: float, fre
     rate = 2.0 * np.pi * np.fft.rfftfreq(count, float(time[1]))
     inside = rate < SLOW_BAND * frequency
     # the exact identity for one harmonic: d'' + n2^2 d = (1 - r) psi1''
-    answer = np.zeros(rate.size)
-    answer[inside] = (
-        -(1.0 - (frequency / first_frequency) ** 2) * rate[inside] ** 2 / (frequency**2 - rate[inside] ** 2)
-    )
-    spectrum = np.fft.rfft(slow) * answer
+    share, square = 1.0 - (frequency / first_frequency) ** 2, np.where(inside, rate, 0.0) ** 2
+    spectrum = np.fft.rfft(slow) * (-share * square / (frequency**2 - square))
     value, speed = np.fft.irfft(spectrum, count), np.fft.irfft(1j * rate * spectrum, count)
     difference = _at(envelope, fill(envelope.difference), time)
     shift = ((value - 1j * speed / frequency) / difference).imag
@@ -138,8 +129,8 @@ def _one_pendulum() -> Iterator[Row]:
     extreme = 0.5 * PERIOD * np.abs(speed - _FREQUENCY).max() / _FREQUENCY / 1e-7
     yield _row("the same, largest of (39) at 12 and 10 mrad", "order of nu", extreme, "1e-7 s", extreme > 20_000)
     scene = _resonant_scene()
-    _, _, first, _, seconds, (n1, _) = _harmonics(scene)
-    phase, worst = np.unwrap(np.angle(first[0])), 0.0
+    _, first, _, _, seconds, (n1, _) = _harmonics(scene)
+    phase, worst = np.unwrap(np.angle(first)), 0.0
     for minutes in range(5, 31):
         part = seconds <= 60.0 * minutes
         slope = float(np.polyfit(seconds[part], phase[part], 1)[0])
@@ -165,53 +156,51 @@ def _leak() -> Iterator[Row]:
     yield _row("error of gravity by (9), as (14) on truth gives", f"{expected:.4g}", found, "mGal", off < 0.01)
 
 
-def _harmonics(scene: Scene) -> tuple[Any, Any, Any, Any, Floats, Any]:
-    """A scene's record, its truth, the true harmonics of the pendulums and of their difference, times, frequencies."""
+def _harmonics(scene: Scene) -> tuple[Any, Complexes, Complexes, Floats, Floats, Any]:
+    """A scene's record; the true harmonics of the first pendulum and of the difference, psi1, times, frequencies."""
     record, truth = simulate(scene)
-    known = truth["truth"].dataset
-    first = np.asarray(known["free_amplitude"].values) * np.exp(1j * np.asarray(known["free_phase"].values))
-    time, frequency = np.asarray(record["time"].values), np.asarray(known["frequency"].values)
-    return record, known, first, first[0] - first[1], time, frequency
+    known = {name: np.asarray(value.values) for name, value in truth["truth"].dataset.items()}
+    first, second = known["free_amplitude"] * np.exp(1j * known["free_phase"])
+    return record, first, first - second, known["forced"][0], np.asarray(record["time"].values), known["frequency"]
 
 
 def leaks(scene: Scene) -> tuple[Floats, Floats, Floats]:
     """Correction at the minute marks by (9) from the record, by (14) from truth, and psi's part of it; mGal."""
-    record, known, first, difference, time, (n1, n2) = _harmonics(scene)
+    record, first, difference, slow, time, (n1, n2) = _harmonics(scene)
     rows = np.arange(0, time.size, round(MARK_SECONDS / (time[1] - time[0])))[1:]
     seen = observe(record)
     value, slope = value_and_slope(seen.time, seen.theta, time[rows])
     raw = value - 1j * slope / n1
     nine = phase_speed(n1, n2, np.abs(raw), np.abs(difference[rows]), np.angle(raw / difference[rows])) - n2
-    fourteen, clean = _by_truth(known, first[0], difference, n1, n2, float(time[1]), rows)
+    clean = phase_speed(n1, n2, *_sizes(first[rows], difference[rows])) - n2
+    fourteen = _fourteen(first, difference, slow, n1, n2, float(time[1]), rows)
     scale = 2.0 * scene.gravity / n2 / MGAL
     return scale * nine, scale * fourteen, scale * (fourteen - clean)
 
 
 def marks_error(scene: Scene) -> float:
     """Error that the method's own reading at marks makes of (14) on truth, mGal: integrated and regressed."""
-    record, known, first, difference, time, (n1, n2) = _harmonics(scene)
-    step = float(time[1])
+    record, first, difference, slow, time, (n1, n2) = _harmonics(scene)
     envelope = prepare(observe(record)).sliding
-    rows = np.rint(envelope.time / step).astype(np.int64)
+    rows = np.rint(envelope.time / time[1]).astype(np.int64)
     every = max(1, round(MARK_SECONDS / envelope.hop))
-    fourteen, _ = _by_truth(known, first[0], difference, n1, n2, step, rows[::every])
+    fourteen = _fourteen(first, difference, slow, n1, n2, float(time[1]), rows[::every])
     correction = integrated(np.interp(envelope.time, envelope.time[::every], fourteen), envelope.hop)
     phase = np.unwrap(np.angle(difference * np.exp(-1j * n2 * time)))[rows]
     slope = regression(envelope.time, phase - correction, np.abs(difference[rows]) ** 2)
     return float(scene.gravity * ((1.0 + slope / n2) ** 2 - 1.0) / MGAL)
 
 
-def _by_truth(
-    known: Any, first: Any, difference: Any, n1: float, n2: float, step: float, rows: Any
-) -> tuple[Floats, Floats]:
-    """Phase speed less n2 by (14) from the true harmonics and slow motion, and without the slow motion; rad s-1."""
-    slow = np.asarray(known["forced"].values)[0]
-    one, whole = first[rows], difference[rows]
-    lead = np.angle(one / whole)
-    speed = np.gradient(slow, step, edge_order=2)[rows]
-    with_slow = leaking(n1, n2, np.abs(one), np.abs(whole), lead, np.angle(whole), slow[rows], speed) - n2
-    clean = phase_speed(n1, n2, np.abs(one), np.abs(whole), lead) - n2
-    return with_slow, clean
+def _sizes(first: Complexes, difference: Complexes) -> tuple[Floats, Floats, Floats]:
+    return np.abs(first), np.abs(difference), np.angle(first / difference)
+
+
+def _fourteen(
+    first: Complexes, difference: Complexes, slow: Floats, n1: float, n2: float, step: float, rows: Any
+) -> Floats:
+    """Phase speed less n2 by (14) from the true harmonics and slow motion, rad s-1."""
+    one, whole, speed = first[rows], difference[rows], np.gradient(slow, step, edge_order=2)[rows]
+    return np.asarray(leaking(n1, n2, *_sizes(one, whole), np.angle(whole), slow[rows], speed) - n2)
 
 
 def _film() -> Iterator[Row]:

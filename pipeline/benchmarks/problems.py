@@ -28,8 +28,7 @@ HOUR = 3600  # s
 RATE = 20  # readings a second
 HARMONICS = 33
 HEAVE = 0.07  # m/s^2 of each vertical harmonic: z''/g = 0.03 r.m.s.
-CLOSED, PICARD, COLLOCATION = "closed form", "Picard collocation", "beam collocation"
-RADAU, EXPLICIT = "Radau", "explicit"
+CLOSED, PICARD = "closed form", "Picard collocation"
 CLOSED_FORM_ERROR = 1e-15
 
 
@@ -133,12 +132,12 @@ Make = Callable[[Problem, float], Call]  # from problem and tolerance to a call,
 def _closed_form(problem: Problem, tolerance: float) -> Call:
     if problem.kind != "linear":
         raise RefusedError("closed form: linear pendulums that swing, on a support that moves sideways, have one")
-    system, moved, start = problem.system, _sum(problem.horizontal), problem.start.tolist()
+    system, moved, start = problem.system, _sum(problem.horizontal), problem.start.reshape(-1, 2).tolist()
 
     def call() -> Answer:
         responses = []
-        for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
-            begun = StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1])
+        for n, gamma, (angle, speed) in zip(system.natural_frequency, system.terms.damping_rate, start, strict=True):
+            begun = StateStart(angle=angle, angular_velocity=speed)
             responses.append(respond(float(n), float(gamma), begun, moved, system.gravity))
         angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
         return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR)
@@ -179,8 +178,8 @@ def _integrator(problem: Problem, tolerance: float, name: str) -> Call:
 OWN: Mapping[str, Make] = {
     CLOSED: _closed_form,
     PICARD: _picard,
-    COLLOCATION: partial(_integrator, name="collocation"),
-    RADAU: partial(_integrator, name="radau"),
-    EXPLICIT: partial(_integrator, name="explicit"),
+    "beam collocation": partial(_integrator, name="collocation"),
+    "Radau": partial(_integrator, name="radau"),
+    "explicit": partial(_integrator, name="explicit"),
 }  # All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call
 AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)  # propagators that take no tolerance

@@ -186,7 +186,9 @@ def reference(problem: Problem) -> Reference:
     times = problem.times[rows]
     more = np.union1d(times, times[0] + np.ptp(times) * np.logspace(-7.0, 0.0, _BETWEEN, endpoint=False))
     if importlib.util.find_spec("heyoka") is not None:
-        states, source = in_eighty_bits(problem, more), f"heyoka, 80 bits, {TIGHT:g}"
+        # compact: a minute of compiling less
+        states = taylor(problem, more, TIGHT, np.longdouble, compact_mode=True)()
+        source = f"heyoka, 80 bits, {TIGHT:g}"
     else:
         name = "radau" if problem.stiff else "explicit"
         integrate = import_module(f"synth.integrators.{name}").integrate
@@ -196,15 +198,19 @@ def reference(problem: Problem) -> Reference:
     return Reference(rows, tuple(range(problem.start.size)), values, np.abs(states).max(axis=0), source)
 
 
-def in_eighty_bits(problem: Problem, times: Floats) -> Floats:
-    """States (k, n) by Taylor integration with `numpy.longdouble`."""
+def taylor(problem: Problem, times: Floats, tolerance: float, number: Any, **options: Any) -> Callable[[], Floats]:
+    """A call that gives states (k, n) by heyoka's Taylor integration in the arithmetic of a type of number."""
     import heyoka as hy
 
-    wide = np.longdouble
-    begin = {"time": wide(times[0]), "tol": wide(TIGHT), "fp_type": wide}
-    compact = {"compact_mode": True}  # a minute of compiling less
-    integrator = hy.taylor_adaptive(equations(problem, wide), problem.start.astype(wide), **begin, **compact)
-    outcome, *_, states = integrator.propagate_grid(times.astype(wide))
-    if outcome != hy.taylor_outcome.time_limit:
-        raise RefusedError(f"heyoka, 80 bits: {outcome}")
-    return np.asarray(states, dtype=np.float64)
+    start, instants = problem.start.astype(number), times.astype(number)
+    integrator = hy.taylor_adaptive(equations(problem, number), start, tol=number(tolerance), fp_type=number, **options)
+
+    def call() -> Floats:
+        integrator.time = instants[0]
+        integrator.state[:] = start
+        outcome, *_, states = integrator.propagate_grid(instants)
+        if outcome != hy.taylor_outcome.time_limit:
+            raise RefusedError(f"heyoka{'' if number is float else ', 80 bits'}: {outcome}")
+        return np.asarray(states, dtype=np.float64)
+
+    return call

@@ -77,9 +77,8 @@ def two_pendulums(
 
 def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """Swell and near-resonant vibration, damped pendulums, no noise."""
-    changes.setdefault("motion", [swell(), resonant()])
-    changes.setdefault("damping_rates", (1e-4, 1.2e-4))
-    return two_pendulums("linear", relative_difference, **changes)
+    given: dict[str, Any] = {"motion": [swell(), resonant()], "damping_rates": (1e-4, 1.2e-4)}
+    return two_pendulums("linear", relative_difference, **(given | changes))
 
 
 def heave() -> dict[str, Any]:
@@ -91,8 +90,7 @@ def heave() -> dict[str, Any]:
 def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """Real pendulums swayed by swell; damped, the record states their damping and their law."""
     given: dict[str, Any] = {"motion": [swell(SWAY)], "damping_rates": (2e-5, 3e-5), "amplitudes": (0.012, 0.010)}
-    given["restoring"] = "sine"
-    return two_pendulums("real", relative_difference, **(given | changes))
+    return two_pendulums("real", relative_difference, **({"restoring": "sine"} | given | changes))
 
 
 def real_heave(relative_difference: float = 1e-4, **changes: Any) -> Scene:

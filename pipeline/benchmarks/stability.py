@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -29,13 +29,13 @@ from synth.phase import Floats
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 LINEAR: tuple[Propagator, ...] = ("auto", "closed-form", "radau", "explicit")
-OVERDAMPED: tuple[Propagator, ...] = ("auto", "radau", "explicit")
 SINE: tuple[Propagator, ...] = ("auto", "picard", "radau", "explicit")
 VIOLENT: tuple[Propagator, ...] = ("auto", "radau", "explicit")
-"""Far from the linear pendulum about which collocation expands."""
+"""Overdamped, or far from the linear pendulum about which collocation expands."""
 STIFF: tuple[Propagator, ...] = ("auto", "radau")  # slower than what an explicit step can bear
 
 N = 6.25  # rad/s, of the pendulums
+PERIOD = 2.0 * np.pi / N  # s
 BOUND = 1e-8  # largest error, relative to the largest angle, of a cell that must be solved
 DIGITS, ANOTHER = "elliptic function, 40 digits", "another propagator, tighter"
 PROPAGATORS: tuple[Propagator, ...] = get_args(Propagator)
@@ -84,7 +84,7 @@ def _one(amplitude: float, rate: float, phase: float = 0.3) -> Swell:
     return Swell(np.array([amplitude]), np.array([rate]), np.array([phase]))
 
 
-def _moved(swell: Swell, axis: str) -> list[dict[str, Any]]:
+def _moved(swell: Swell, axis: str = "horizontal") -> list[dict[str, Any]]:
     if not np.any(swell.amplitude):
         return []
     amplitude, rate, phase = (values.tolist() for values in swell)
@@ -94,39 +94,34 @@ def _moved(swell: Swell, axis: str) -> list[dict[str, Any]]:
 def _linear() -> tuple[Motion, ...]:
     def made(
         name: str, start: tuple[float, ...] = (0.01, 0.02), step: Fraction = Fraction(1, 10), count: int = 6001,
-        damping: float = 0.0, swell: Swell = STILL,
+        damping: float = 0.0, swell: Swell = STILL, solvers: tuple[Propagator, ...] = LINEAR, **more: Any,
     ) -> Motion:  # fmt: skip
-        frequency = (N,) * (len(start) // 2)
-        periods = [2.0 * np.pi / n for n in frequency]
-        scene = _scene(periods, start, step, count, {"damping_rate": damping}, motion=_moved(swell, "horizontal"))
-        true = partial(truth.linear, frequency, [damping] * len(frequency), start, swell)
-        solvers = LINEAR if damping <= N else OVERDAMPED
-        return Motion(name, scene, step, count, true, "closed form, 100 digits", solvers)
+        pendulums = len(start) // 2
+        scene = _scene(pendulums * [PERIOD], start, step, count, {"damping_rate": damping}, motion=_moved(swell))
+        true = partial(truth.linear, pendulums * [N], pendulums * [damping], start, swell)
+        return Motion(name, scene, step, count, true, "closed form, 100 digits", solvers, **more)
 
     swell, still = _one(0.5, 0.9), (0.0, 0.0)
-    bound = {"closed-form": 1e-13}
+    bound: Any = {"bounds": {"closed-form": 1e-13}}
+    almost = N * (1.0 - 1e-12)  # which rounding of the period takes for overdamped
     return (
-        replace(made("exact resonance", swell=_one(1e-3, N)), bounds=bound),
-        replace(made("resonance detuned by 1e-12", swell=_one(1e-3, N * (1.0 + 1e-12))), bounds=bound),
+        made("exact resonance", swell=_one(1e-3, N), **bound),
+        made("resonance detuned by 1e-12", swell=_one(1e-3, N * (1.0 + 1e-12)), **bound),
         made("exact resonance, damped", damping=1e-3, swell=_one(1e-3, N)),
-        replace(made("equal frequencies", (0.01, 0.0, 0.01, 0.0), swell=swell), bounds={"closed-form": 1e-14}),
+        made("equal frequencies", (0.01, 0.0, 0.01, 0.0), swell=swell, bounds={"closed-form": 1e-14}),
         made("zero amplitude, still", still),
         made("zero amplitude, swell", still, swell=swell),
-        # which rounding of the period takes for overdamped
-        replace(
-            made("damping 1e-12 below critical", damping=N * (1.0 - 1e-12), count=101, swell=swell), solvers=OVERDAMPED
-        ),
-        made("overdamped, 10 /s", damping=10.0, count=101, swell=swell),
-        replace(made("overdamped, 1e4 /s", damping=1e4, count=101, swell=swell), solvers=STIFF),
+        made("damping 1e-12 below critical", damping=almost, count=101, swell=swell, solvers=VIOLENT),
+        made("overdamped, 10 /s", damping=10.0, count=101, swell=swell, solvers=VIOLENT),
+        made("overdamped, 1e4 /s", damping=1e4, count=101, swell=swell, solvers=STIFF),
         made("1 ms long", step=Fraction(1, 10_000), count=11, swell=swell),
-        replace(
-            made("1e7 s long, every 10 s", step=Fraction(10), count=1_000_001, damping=1e-7, swell=swell),
+        made(
+            "1e7 s long, every 10 s", step=Fraction(10), count=1_000_001, damping=1e-7, swell=swell, **bound,
             solvers=("auto", "closed-form"), not_asked=("explicit", "radau", "picard", "beam-collocation"),
-            bounds=bound,
         ),
         made("read every 7.3 s", step=Fraction(73, 10), count=301, swell=swell),
-        replace(
-            made("forced at 1 kHz", count=101, swell=_one(500.0, 2000.0 * np.pi)),
+        made(
+            "forced at 1 kHz", count=101, swell=_one(500.0, 2000.0 * np.pi),
             solvers=("auto", "closed-form", "radau"), not_asked=("explicit",),
         ),
         made("forced at 1e-6 Hz", swell=_one(0.1, 2e-6 * np.pi)),
@@ -137,22 +132,22 @@ def _sine() -> tuple[Motion, ...]:
     def made(
         name: str, start: tuple[float, float], count: int, true: Callable[[Sequence[Fraction]], Floats] | None = None,
         source: str = ANOTHER, solvers: tuple[Propagator, ...] = VIOLENT, step: Fraction = Fraction(1, 20),
-        horizontal: Swell = STILL, vertical: Swell = STILL,
+        horizontal: Swell = STILL, vertical: Swell = STILL, **more: Any,
     ) -> Motion:  # fmt: skip
-        motion = [*_moved(horizontal, "horizontal"), *_moved(vertical, "vertical")]
-        scene = _scene([2.0 * np.pi / N], start, step, count, {}, restoring="sine", motion=motion)
-        return Motion(name, scene, step, count, true, source, solvers)
+        motion = [*_moved(horizontal), *_moved(vertical, "vertical")]
+        scene = _scene([PERIOD], start, step, count, {}, restoring="sine", motion=motion)
+        return Motion(name, scene, step, count, true, source, solvers, **more)
 
-    def swing(name: str, angle: float, count: int, step: Fraction = Fraction(1, 20)) -> Motion:
+    def swing(name: str, angle: float, count: int, step: Fraction = Fraction(1, 20), **more: Any) -> Motion:
         solvers = SINE if angle < 2.0 else VIOLENT
-        return made(name, (angle, 0.0), count, partial(truth.swing, N, angle), DIGITS, solvers, step)
+        return made(name, (angle, 0.0), count, partial(truth.swing, N, angle), DIGITS, solvers, step, **more)
 
     up = partial(truth.separatrix, N)
     fall, turned = _one(-GRAVITY, 0.0, 0.0), _one(-2.0 * GRAVITY, 0.0, 0.0)
     fast, lifted = _one(3.0 * GRAVITY, 2.0, 0.0), _one(2.0 * GRAVITY, 3.0, 0.5)
     return (
         swing("1e-6 rad", 1e-6, 2001),
-        replace(swing("1 rad", 1.0, 2001), bounds={"picard": 1e-13}),
+        swing("1 rad", 1.0, 2001, bounds={"picard": 1e-13}),
         swing("3.1 rad", 3.1, 601),
         swing("3.14159 rad, to the other side", 3.14159, 91),
         swing("1 rad, 1 ms long", 1.0, 11, Fraction(1, 10_000)),
@@ -176,7 +171,9 @@ def _sine() -> tuple[Motion, ...]:
 
 
 def _beams() -> tuple[Motion, ...]:
-    def made(name: str, system: ElasticBeam, start: Sequence[float], step: Fraction, count: int) -> Motion:
+    def made(
+        name: str, system: ElasticBeam, start: Sequence[float], step: Fraction, count: int, *true: Any, **more: Any
+    ) -> Motion:
         support = {
             "kind": "beam", "mass": system.beam_mass, "stiffness": system.stiffness,
             "damping_rate": system.damping_rate, "displacement": start[0], "velocity": start[1],
@@ -184,20 +181,19 @@ def _beams() -> tuple[Motion, ...]:
         periods = (2.0 * np.pi * np.sqrt(system.length / GRAVITY)).tolist()
         masses = {"mass": float(system.mass[0])}
         scene = _scene(periods, start[2:], step, count, masses, restoring="sine", support=support)
-        return Motion(name, scene, step, count, None, ANOTHER, STIFF)
+        return Motion(name, scene, step, count, *(true or (None, ANOTHER)), **more)
 
     light = ElasticBeam(50.0, np.array([0.25]), np.array([1.0]), 0.0, 0.0, GRAVITY)
     frequency = float(np.sqrt(GRAVITY))
+    limit = partial(truth.swing, frequency, 1.0), "rigid limit, approached as ratio^-2", STIFF
     out = []
     for power in (2, 4, 6):
-        ratio = 10.0**power
+        ratio, name = 10.0**power, f"beam 1e{power} times stiffer"
         system = light._replace(stiffness=stiffness_of_ratio(ratio, light), damping_rate=0.3 * ratio * frequency)
-        motion = made(f"beam 1e{power} times stiffer", system, (0.0, 0.0, 1.0, 0.0), Fraction(10), 2)
-        limit = partial(truth.swing, frequency, 1.0)
-        out.append(replace(motion, true=limit, source="rigid limit, approached as ratio^-2", apart=0.2 / ratio**2))
+        out.append(made(name, system, (0.0, 0.0, 1.0, 0.0), Fraction(10), 2, *limit, apart=0.2 / ratio**2))
     heavy = ElasticBeam(1e-3, np.array([1.0, 1.0]), np.array([1.0, 0.9]), 150.0, 0.0, GRAVITY)
-    last = made("light beam, M/m = 1e-3", heavy, (0.05, 0.0, 0.3, 0.0, -0.2, 0.0), Fraction(1, 20), 101)
-    return (*out, replace(last, solvers=VIOLENT))
+    begun, step = (0.05, 0.0, 0.3, 0.0, -0.2, 0.0), Fraction(1, 20)
+    return (*out, made("light beam, M/m = 1e-3", heavy, begun, step, 101, solvers=VIOLENT))
 
 
 class Found(NamedTuple):
@@ -274,9 +270,8 @@ def compared(motion: Motion) -> list[int]:
 def _another(motion: Motion, name: Propagator) -> tuple[Floats, float]:
     """Angles by a different propagator, at a tighter tolerance; its doubt."""
     others: tuple[Propagator, ...] = ("explicit", "radau")
-    for other in others:
-        if other != name:
-            found = attempt(motion, other, TOLERANCE * _TIGHTER)
-            if found.angles is not None:
-                return found.angles[compared(motion)], found.estimate
+    for other in (each for each in others if each != name):
+        found = attempt(motion, other, TOLERANCE * _TIGHTER)
+        if found.angles is not None:
+            return found.angles[compared(motion)], found.estimate
     return np.full((len(compared(motion)), len(motion.scene["pendulums"])), np.nan), math.nan

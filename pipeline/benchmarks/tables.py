@@ -121,16 +121,10 @@ def _spent() -> float:
 
 
 def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
-    """Times of rivals that take turns, s a call: a busy machine slows all of them alike.
+    """Times of rivals that take turns in `repeats` rounds, s a call: a busy machine slows all of them alike.
 
-    Parameters
-    ----------
-    calls : mapping of str to callable
-        The rivals; one call of each goes before and is not counted.
-    repeats : int
-        Rounds.
-    batch : int
-        Calls in a row of one rival within a round, for calls of a few ms.
+    One call of each goes before and is not counted. `batch` calls of a rival follow each other within a round, for
+    calls of a few ms.
     """
     for call in calls.values():
         call()

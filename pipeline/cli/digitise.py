@@ -40,12 +40,6 @@ examples:
   isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
   isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
 
-_MARKS = """\
-at each full minute the shutter closes twice (double), for longer (long), not at all (omitted) or as ever (none); \
-default: what repeats every minute"""
-_TURN = "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"
-_LINES = "dark on light film, light on dark, or auto (default)"
-_READING = "continuous (between the marks), strobe (at the marks alone) or auto (default)"
 _NUMBERS = (
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
     ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
@@ -53,11 +47,16 @@ _NUMBERS = (
     ("--rate", "HZ", "samples a second, continuous (default up to 25)"),
 )
 _CHOICES: tuple[tuple[str, str, str, str, str | None, str], ...] = (
-    ("--marks", "kind of marks", "double long omitted none", "CODE", None, _MARKS),
-    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto", _TURN),
-    ("--lines", "kind of lines", "auto dark light", "TONE", "auto", _LINES),
-    ("--reading", "reading", "auto continuous strobe", "HOW", "auto", _READING),
-)  # Option, what it is called, its values, metavar, default, help
+    ("--marks", "kind of marks", "double long omitted none", "CODE", None, "at each full minute the shutter closes "
+     "twice (double), for longer (long), not at all (omitted) or as ever (none); default: what repeats every minute"),
+    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto",
+     "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"),
+    ("--lines", "kind of lines", "auto dark light", "TONE", "auto",
+     "dark on light film, light on dark, or auto (default)"),
+    ("--reading", "reading", "auto continuous strobe", "HOW", "auto",
+     "continuous (between the marks), strobe (at the marks alone) or auto (default)"),
+)  # fmt: skip
+"""Option, what it is called, its values, metavar, default, help."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -104,11 +103,8 @@ def run(options: argparse.Namespace) -> int:
         try:
             row = _one(film, output, options)
         except IsochronyError as fault:
-            told = naming(film[0], str(fault))
-            if isinstance(fault, UsageError) and len(films) == 1:
-                raise type(fault)(told) from fault
-            row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None}
-            row |= {"status": outcome_of(fault), "error": told}
+            status, error = outcome_of(fault, film[0], alone=len(films) == 1)
+            row = {"record_id": stem(film[0]), "input": str(film[0]), "output": None, "status": status, "error": error}
         _show(row, as_json=options.json)
         good += row["status"] == "ok"
     return exit_status(good, len(films))
@@ -122,7 +118,7 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
 
     start = time.perf_counter()
     rows, span = _stretch(options)
-    reading, known = read_film(film, options, film_options(options), rows)
+    reading, known = read_film(film, options, rows)
     reading = reading if span is None else reading.between(*span)
     record = make_record(reading, known, stem(film[0]))
     make_folder(output)
@@ -163,7 +159,7 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
     if options.start is not None or options.stop is not None:
         raise UsageError("digitise --table: the whole film lies on the table; drop --from and --to")
     with progress(films[0][0].name, " rows") as draw:
-        edits = edits_of(films[0][0], argparse.Namespace(edits=options.edits or ""))
+        edits = edits_of(films[0][0], options.edits or "")
         jobs = max(options.jobs, min(2, os.cpu_count() or 1))  # a person waits; numbers are the same
         given = {**scan_options(options), "edits": edits, "who": options.by, "jobs": jobs, "progress": draw}
         session = Session.open(films[0], description(options), film_options(options), **given)
@@ -215,24 +211,13 @@ def add_reading_options(parser: Any) -> None:
 
 
 def film_options(options: argparse.Namespace) -> FilmOptions:
-    """All options, as `make_record` takes them."""
-    from dataclasses import replace
-
-    return replace(
-        reading_options(options),
-        lever=options.lever,
-        combinations=pairs("digitise", "--combination", options.combination),
-        periods=periods("digitise", options.period),
-        gravity=options.gravity,
-    )
-
-
-def reading_options(options: argparse.Namespace) -> FilmOptions:
-    """What matters for reading the film."""
+    """What the options say of the film, as the reader and `make_record` take it."""
     from pipeline.film.knowledge import FilmOptions
 
-    given = {name: getattr(options, name) for name in ("mark_interval", "marks", "speed", "dpi")}
-    return FilmOptions(traces=tuple(options.trace), **given)
+    given = {name: getattr(options, name) for name in ("lever", "gravity", "mark_interval", "marks", "speed", "dpi")}
+    combinations = pairs("digitise", "--combination", options.combination)
+    labelled = periods("digitise", options.period)
+    return FilmOptions(traces=tuple(options.trace), combinations=combinations, periods=labelled, **given)
 
 
 def description(options: argparse.Namespace) -> FilmDescription | None:
@@ -244,13 +229,11 @@ def description(options: argparse.Namespace) -> FilmDescription | None:
     return load_description(Path(options.description))
 
 
-def edits_of(film: Path, options: argparse.Namespace) -> Path | None:
-    """File of the edits that are to be applied to a film."""
+def edits_of(film: Path, name: str | None) -> Path | None:
+    """File of the edits that are to be applied to a film, by the word of `--edits`."""
     from data_schemas.film_edits import edits_path
 
-    if options.edits is None:
-        return None
-    return Path(options.edits) if options.edits else edits_path(film)
+    return edits_path(film) if name == "" else None if name is None else Path(name)
 
 
 def scan_options(options: argparse.Namespace) -> dict[str, Any]:
@@ -259,11 +242,12 @@ def scan_options(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def read_film(
-    film: Sequence[Path], options: argparse.Namespace, said: FilmOptions, rows: tuple[int, int | None] | None = None
+    film: Sequence[Path], options: argparse.Namespace, rows: tuple[int, int | None] | None = None
 ) -> tuple[Reading, Known]:
     """Read a film, or some of its rows, as the options say, with a progress bar."""
     from pipeline.film.digitise import read
 
-    given = {"options": said, "edits": edits_of(film[0], options), "rows": rows, "jobs": options.jobs}
+    edits = edits_of(film[0], options.edits)
+    given = {"options": film_options(options), "edits": edits, "rows": rows, "jobs": options.jobs}
     with progress(film[0].name, " rows") as draw:
         return read(film, description(options), **scan_options(options), **given, progress=draw)

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 import data_schemas
-from data_schemas.errors import IsochronyError, RecordError, RefusedError, UsageError
+from data_schemas.errors import IsochronyError, RecordError, RefusedError, UsageError, naming
 from data_schemas.layouts import LAYOUTS, REWRITTEN
 from pipeline.cli.tables import complain
 
@@ -39,9 +39,12 @@ _INSTEAD = {
 }  # What to do with a file of each kind
 
 
-def outcome_of(fault: IsochronyError) -> str:
-    """Status of an input that gave nothing, as summaries have it."""
-    return "refused" if isinstance(fault, RefusedError) else "failed"
+def outcome_of(fault: IsochronyError, path: Path, *, alone: bool) -> tuple[str, str]:
+    """Status of an input that gave nothing, as summaries have it, and why; a wrong use of the only input is raised."""
+    told = naming(path, str(fault))
+    if alone and isinstance(fault, UsageError):
+        raise type(fault)(told) from fault
+    return "refused" if isinstance(fault, RefusedError) else "failed", told
 
 
 def exit_status(good: int, total: int) -> int:
@@ -66,10 +69,7 @@ def read_checked(path: Path, kind: Kind) -> DataTree:
 
 
 def refuse_faults(path: Path, faults: list[str]) -> None:
-    """Raise `RecordError` with the first fault and the number of the others, if there are any.
-
-    A file of another kind has many faults of which only that one matters.
-    """
+    """Raise `RecordError` with the first fault and the number of the others; of another kind of file that one alone."""
     if faults:
         faults = [fault for fault in faults if fault.startswith("attribute schema:")] or faults
         more = f" (and {len(faults) - 1} more: isochrony validate {path})" if len(faults) > 1 else ""
@@ -87,19 +87,10 @@ def stem(path: Path) -> str:
 
 
 def place(inputs: Sequence[Path], out: str | None, ending: str) -> list[Path]:
-    """Output path of each input.
+    """Output path of each input: its stem with an ending such as ".result.nc".
 
-    Parameters
-    ----------
-    inputs : sequence of Path
-        The files named on the command line.
-    out : str or None
-        `-o`: a file for one input; a folder for several inputs, if it ends with `/`, or if it is one already.
-        None puts each output beside its input.
-    ending : str
-        Ending of the outputs, such as ".result.nc".
-
-    `UsageError` where the folder is a file, or the file's folder is not there.
+    `out` is `-o`: a file for one input; a folder for several, if it ends with `/`, or if it is one already. None puts
+    each output beside its input. `UsageError` where the folder is a file, or the file's folder is not there.
     """
     if out is None:
         return [path.with_name(stem(path) + ending) for path in inputs]

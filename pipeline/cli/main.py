@@ -57,18 +57,7 @@ exit status: 0 all good; 1 some inputs failed or were refused, some good; 2 usag
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        The words after `isochrony`; those of the process when left out.
-
-    Returns
-    -------
-    int
-        The exit status (see the module's text).
-    """
+    """Run the command line on the words after `isochrony`, by default the process's own; return the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     _use_streams()
     _calm_blas()

@@ -20,7 +20,7 @@ class Verb:
     HELP: str
     DESCRIPTION: str
     EXAMPLES: str
-    add_options: Callable[[argparse.ArgumentParser], None]
+    add_options: Callable[[argparse.ArgumentParser], object]
     run: Callable[[argparse.Namespace], int]
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError, naming
-from pipeline.cli.digitise import add_reading_options, description, read_film, reading_options
+from pipeline.cli.digitise import add_reading_options, description, film_options, read_film
 from pipeline.cli.files import make_folder, place, read_checked, refuse_clashes, refuse_faults
 from pipeline.cli.parser import number
 from pipeline.cli.tables import complain
@@ -51,6 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         seconds = number(option, above=-math.inf)  # of either sign: time may begin before the first full minute
         film.add_argument(option, dest=name, type=seconds, metavar="S", help=f"{which} moment to draw")
     add_reading_options(film)
+    parser.set_defaults(lever=None, gravity=None, combination=[], period=[])  # a picture is in px
 
 
 def run(options: argparse.Namespace) -> int:
@@ -60,7 +61,9 @@ def run(options: argparse.Namespace) -> int:
     require_matplotlib()
     path = Path(options.file)
     is_film = is_image(path)
-    output = place([path], options.out, f"{'.film' if is_film else _kind_ending(path)}.png")[0]
+    # with its kind in its name, so that pictures of a record and its result do not fight for one
+    kind = ".film" if is_film else next((end for end in (".record", ".result") if path.name.endswith(f"{end}.nc")), "")
+    output = place([path], options.out, f"{kind}.png")[0]
     refuse_clashes([path], [output], force=options.force)
     if output.suffix.lower() != ".png":
         raise UsageError(f"{output}: pictures are written as PNG; end the name with .png")
@@ -101,19 +104,14 @@ def _film(path: Path, options: argparse.Namespace) -> tuple[Figure, int]:
 
     if options.start is not None and options.stop is not None and options.stop <= options.start:
         raise UsageError(f"plot: --to {options.stop:g} is not after --from {options.start:g}")
-    said = reading_options(options)
     try:
-        return film_figure(read_film([path], options, said)[0], options.start, options.stop), 0
+        return film_figure(read_film([path], options)[0], options.start, options.stop), 0
     except (RefusedError, RecordError) as fault:
-        scan, _ = open_film(path, description(options), said, orientation=options.orientation, lines=options.lines)
+        how = {"orientation": options.orientation, "lines": options.lines}
+        scan, _ = open_film(path, description(options), film_options(options), **how)
         told = naming(path, str(fault))
         complain(told)
         return unread_figure(scan, told), fault.exit_status
-
-
-def _kind_ending(path: Path) -> str:
-    """Keep `.record` or `.result` in the picture's name, so that the two do not fight for one."""
-    return next((f".{kind}" for kind in ("record", "result") if path.name.endswith(f".{kind}.nc")), "")
 
 
 def is_image(path: Path) -> bool:

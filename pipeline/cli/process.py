@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import data_schemas
-from data_schemas.errors import IsochronyError, UsageError, naming
+from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli.files import exit_status, make_folder, outcome_of, place, read_checked, refuse_clashes
 from pipeline.cli.parser import did_you_mean, number, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
@@ -103,10 +103,8 @@ def run(options: argparse.Namespace) -> int:
         try:
             rows = _one(path, output, requested, options)
         except IsochronyError as fault:
-            told = naming(path, str(fault))
-            if isinstance(fault, UsageError) and len(inputs) == 1:
-                raise UsageError(told) from fault  # such as a pair that the only record does not have
-            rows = [failure(path, "synchrony" if options.synchrony else options.method, outcome_of(fault), told)]
+            outcome = outcome_of(fault, path, alone=len(inputs) == 1)
+            rows = [failure(path, "synchrony" if options.synchrony else options.method, *outcome)]
         printer.show(rows)
         good += any(row["status"] == "ok" for row in rows)
     return exit_status(good, len(inputs))

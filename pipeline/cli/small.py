@@ -15,10 +15,6 @@ from pipeline.flag_words import FLAGS
 _SCHEMAS = ("scene", "record", "truth", "result", "film-truth", "summary")
 
 
-def _add_files(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result")
-
-
 def _validate(options: argparse.Namespace) -> int:
     """Check each file; the exit status says whether all, some or none are good."""
     good = 0
@@ -30,17 +26,9 @@ def _validate(options: argparse.Namespace) -> int:
     return exit_status(good, len(options.files))
 
 
-def _add_name(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS))
-
-
 def _schema(options: argparse.Namespace) -> int:
     print(json.dumps(data_schemas.json_schema(options.name), indent=2, ensure_ascii=False))
     return 0
-
-
-def _add_flag(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name")
 
 
 def _explain(options: argparse.Namespace) -> int:
@@ -97,7 +85,7 @@ examples:
   isochrony validate ship.toml *.nc
 
 exit status: 0 all good; 1 some good; 3 none good""",
-        _add_files,
+        lambda parser: parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result"),
         _validate,
     ),
     "schema": Verb(
@@ -108,14 +96,18 @@ Print the JSON Schema of a file kind: every field with its unit, its range and i
 scene describes the TOML file; record, truth, result, film-truth and summary (of a batch) describe the netCDF files,
 group by group.""",
         "examples:\n  isochrony schema scene\n  isochrony schema record > record.schema.json",
-        _add_name,
+        lambda parser: parser.add_argument(
+            "name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS)
+        ),
         _schema,
     ),
     "explain": Verb(
         "what a flag means",
         "Tell what a flag of a result means, and what to do about it; without a name all of them.",
         "examples:\n  isochrony explain\n  isochrony explain apparatus-fault",
-        _add_flag,
+        lambda parser: parser.add_argument(
+            "flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name"
+        ),
         _explain,
     ),
 }

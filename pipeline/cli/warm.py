@@ -72,12 +72,9 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
         shipped = data_schemas.load_scene(synth.scene_path(name))
         return shipped.model_copy(update={"duration": min(shipped.duration, longest)})
 
-    def simulate(name: str) -> None:
-        synth.simulate(scene(name, _DURATION))
-
     film = folder / "warm.film.tif"
     yield "process", partial(warm, [name for name in METHODS if name != "auto"])
     for name in sorted(synth.scenes()):
-        yield f"simulate {name}", partial(simulate, name)
+        yield f"simulate {name}", partial(lambda each: synth.simulate(scene(each, _DURATION)), name)
     yield "expose", lambda: synth.expose_to(scene("film", _OF_FILM), synth.load_film("typical"), film)
     yield "digitise", partial(digitise, film)

@@ -16,7 +16,7 @@ from pipeline.arrays import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
+    from xarray import DataTree
 
 # Okabe and Ito's palette (2008), told apart by every kind of colour vision; black is for text and zero lines.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7"
@@ -31,6 +31,21 @@ _STYLE: dict[Any, Any] = {
 }  # fmt: skip
 _DOTS_PER_INCH = 130
 _BINS = 700  # about one a pixel column
+
+
+def color_of(number: int) -> str:
+    """Colour of the trace, clock or method of a number, counted from 0."""
+    return PALETTE[number % len(PALETTE)]
+
+
+def record_of(tree: DataTree) -> str:
+    """Name the record in a heading."""
+    return f"record {tree.attrs.get('record_id', 'without a name')}"
+
+
+def values(tree: DataTree, group: str, name: str) -> Floats:
+    """Values of a variable of a group."""
+    return np.asarray(tree[group].dataset[name].values, dtype=np.float64)
 
 
 def require_matplotlib() -> None:
@@ -60,15 +75,7 @@ def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
 
 
 def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = "", **settings: Any) -> Axes:
-    """Add one panel with its title and both labels.
-
-    Parameters
-    ----------
-    place : SubplotSpec
-        Cell of a grid of the figure.
-    title, across, up : str
-        Heading, label of the horizontal axis, label of the vertical axis; labels carry their units.
-    """
+    """Add one panel in a cell of a grid of the figure: heading, labels of both axes with their units."""
     from matplotlib import rc_context
 
     with rc_context(_STYLE):

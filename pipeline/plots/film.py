@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats, row_means_present
-from pipeline.plots.canvas import GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +28,7 @@ _WIDTH, _HEIGHT = 15.0, 20.0  # inches, of all strips
 _DOTS = 1750  # across a strip
 _IMAGE: Any = {"origin": "lower", "aspect": "auto", "interpolation": "none"}
 _FINE = 2.0  # rows to a dot up to which single readings are drawn
-_TRACES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+_TRACES = (BLUE, VERMILION, GREEN, PURPLE)
 _FLAGS = {
     "ambiguous": VERMILION, "lost": PURPLE, "single_direction": ORANGE, "overlap": SKY, "gap": GREY,
     "saturated": GREEN,
@@ -58,10 +58,8 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
     seconds = reading.axis.seconds
     known = np.flatnonzero(np.isfinite(seconds))
     per_row = np.ptp(seconds[known[[0, -1]]]) / np.ptp(known) if known.size > 1 else 0.0
-    columns, words = _reach(reading, first, last), _subtitle(reading)
-    figure, strips = _sheet(
-        reading.scan, "Film, and what was read of it", words, (first, last), columns, float(per_row)
-    )
+    words, where = _subtitle(reading), ((first, last), _reach(reading, first, last), float(per_row))
+    figure, strips = _sheet(reading.scan, "Film, and what was read of it", words, *where)
     for axes, strip in strips:
         _draw_traces(axes, reading, strip)
         if known.size > 1 and (reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS):
@@ -69,7 +67,6 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
         _draw_marks(axes, reading, strip)
         _draw_flags(axes, reading, strip)
         _label_time(axes, seconds[strip.rows], strip)
-        _frame(axes, strip)
     _legend(figure, reading)
     return figure
 
@@ -79,15 +76,8 @@ def unread_figure(scan: OpenScan, why: str) -> Figure:
     words = why if len(why) < 190 else why[:187] + "..."
     figure, strips = _sheet(scan, "Film, not read", words, (0, scan.rows), (0, scan.columns), 0.0)
     for axes, strip in strips:
-        axes.set_xlabel("row")
-        _frame(axes, strip)
+        _label_time(axes, np.empty(0), strip)
     return figure
-
-
-def _frame(axes: Axes, strip: Strip) -> None:
-    """Show the strip, with room for the flags below it."""
-    low = strip.left - 0.06 * (strip.right - strip.left)
-    axes.set(xlim=(strip.first, strip.stop), ylim=(low, strip.right))
 
 
 def _rows(reading: Reading, start: float | None, stop: float | None) -> tuple[int, int]:
@@ -140,9 +130,9 @@ def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Readings as dots where there is room for them, else as lines; the course thin through the gaps."""
     tracks = reading.tracks
     rows = np.arange(strip.first, strip.stop) + 0.5
-    for trace in range(tracks.course.shape[0]):
+    for trace, course in enumerate(tracks.course[:, strip.rows]):
         color = _TRACES[trace % len(_TRACES)]
-        axes.plot(rows, tracks.course[trace, strip.rows], color=color, linewidth=0.5, alpha=0.55)
+        axes.plot(rows, course, color=color, linewidth=0.5, alpha=0.55)
         if rows.size <= _FINE * _DOTS:
             size = float(np.clip(2.5 * _DOTS / rows.size, 0.8, 5.0))
             axes.plot(rows, tracks.position[trace, strip.rows], ".", color=color, markersize=size, markeredgewidth=0)
@@ -190,7 +180,8 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 
 def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
-    """Seconds of a strip's rows along the lower edge; rows where no time is known."""
+    """Seconds of a strip's rows along the lower edge, rows where no time is known; room for the flags above it."""
+    axes.set(xlim=(strip.first, strip.stop), ylim=(strip.left - 0.06 * (strip.right - strip.left), strip.right))
     known = np.flatnonzero(np.isfinite(seconds))
     if known.size < 2:
         axes.set_xlabel("row")

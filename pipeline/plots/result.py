@@ -9,13 +9,12 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.methods import BEST_FIRST
 from pipeline.plots import canvas
-from pipeline.plots.canvas import angle_scale, draw_band, legend, note, over_time, panel, robust_limits, sheet
+from pipeline.plots.canvas import angle_scale, draw_band, legend, note, over_time, panel, robust_limits, sheet, values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import DataTree
-
 
 _ZOOM = 20.0  # s
 _MOST_TRACES = 8
@@ -25,47 +24,37 @@ _MILLIGAL = 1e-5  # m s-2
 
 def record_figure(record: DataTree) -> Figure:
     """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
-    time = _seconds(record)
-    traces = record["record"].dataset["elongation"]
-    labels = [str(label) for label in record["record"].dataset["trace"].values][:_MOST_TRACES]
-    values = np.asarray(traces.values, dtype=np.float64)[: len(labels)]
-    figure = sheet("Elongations of the record", _subtitle(record, time, traces.values), 11.0, 0.9 + 2.3 * len(labels))
+    time, traces = _seconds(record), values(record, "record", "elongation")
+    missing, step = 100.0 * float(np.isnan(traces).mean()), float(np.median(np.diff(time)))
+    words = f"{canvas.record_of(record)} · {time.size} samples, {step:.4g} s apart · {missing:.2g} % missing"
+    labels = _labels(record, "record", "trace")[:_MOST_TRACES]
+    figure = sheet("Elongations of the record", words, 11.0, 0.9 + 2.3 * len(labels))
     grid = figure.add_gridspec(len(labels), 2, width_ratios=(2.4, 1))
-    for row, label in enumerate(labels):
-        color = canvas.PALETTE[row % len(canvas.PALETTE)]
-        draw_whole(panel(figure, grid[row, 0], f"trace {label}"), time, values[row], color)
-        _draw_zoom(panel(figure, grid[row, 1], f"{_ZOOM:g} s of it"), time, values[row], color)
+    for row, (label, trace) in enumerate(zip(labels, traces, strict=False)):
+        draw_whole(panel(figure, grid[row, 0], f"trace {label}"), time, trace, canvas.color_of(row))
+        _draw_zoom(panel(figure, grid[row, 1], f"{_ZOOM:g} s of it"), time, trace, canvas.color_of(row))
     return figure
 
 
-def draw_whole(axes: Axes, time: Floats, values: Floats, color: str) -> None:
+def draw_whole(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
     """Draw one trace from end to end, with its missing stretches open and both labels."""
-    angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
-    draw_band(axes, over_time(axes, time, f"elongation, {unit}"), values * angle, color=color, label="")
+    angle, unit = angle_scale(float(np.nanmax(np.abs(trace), initial=0.0)))
+    draw_band(axes, over_time(axes, time, f"elongation, {unit}"), trace * angle, color=color, label="")
 
 
-def _draw_zoom(axes: Axes, time: Floats, values: Floats, color: str) -> None:
+def _draw_zoom(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
     start = max(0.0, 0.5 * time[-1] - 0.5 * _ZOOM)
     shown = (time >= start) & (time <= start + _ZOOM)
-    angle, unit = angle_scale(float(np.nanmax(np.abs(values), initial=0.0)))
+    angle, unit = angle_scale(float(np.nanmax(np.abs(trace), initial=0.0)))
     axes.set(xlabel=f"seconds after {start:.0f} s", ylabel=f"elongation, {unit}")
-    if not np.isfinite(values[shown]).any():
+    if not np.isfinite(trace[shown]).any():
         note(axes, "no reading here")
         return
     # With few readings a line between them would suggest a motion that was not seen.
     dense = shown.sum() > 8 * _ZOOM
     line, marker, size = ("-", "", 0) if dense else ("", "o", 2.5)
-    axes.plot(time[shown] - start, values[shown] * angle, line + marker, markersize=size, color=color)
+    axes.plot(time[shown] - start, trace[shown] * angle, line + marker, markersize=size, color=color)
     axes.set_xlim(0.0, min(_ZOOM, float(time[-1])))
-
-
-def _subtitle(record: DataTree, time: Floats, elongation: Floats) -> str:
-    missing = 100.0 * float(np.isnan(elongation).mean())
-    step = float(np.median(np.diff(time)))
-    return (
-        f"record {record.attrs.get('record_id', 'without a name')} · {time.size} samples, {step:.4g} s apart"
-        f" · {missing:.2g} % missing"
-    )
 
 
 def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
@@ -84,26 +73,22 @@ def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Fig
 
 def subtitle(result: DataTree) -> str:
     """Name the record and the gravity of the best method that gave one."""
-    name = str(result.attrs.get("record_id", "without a name"))
     method = best_method(result)
     if method is None:
-        return f"record {name} · no method gave a gravity"
+        return f"{canvas.record_of(result)} · no method gave a gravity"
     gravity, sigma = (float(of_method(result, "gravity", key, method)) for key in ("gravity", "gravity_sigma"))
-    return f"record {name} · {gravity:.7f} m/s² ± {_rounded(sigma)} mGal by {method}"
+    return f"{canvas.record_of(result)} · {gravity:.7f} m/s² ± {_rounded(sigma)} mGal by {method}"
 
 
 def of_method(result: DataTree, group: str, name: str, method: str) -> Floats:
     """Values of a variable for one method."""
-    table = result[group].dataset
-    row = [str(label) for label in table["estimator"].values].index(method)
-    return np.asarray(table[name].values[row], dtype=np.float64)
+    return np.asarray(values(result, group, name)[_labels(result, group, "estimator").index(method)])
 
 
 def best_method(result: DataTree) -> str | None:
     """The most exact method that gave a finite gravity."""
-    table = result["gravity"].dataset
-    labels = [str(label) for label in table["estimator"].values]
-    given = dict(zip(labels, np.asarray(table["gravity"].values, dtype=np.float64), strict=True))
+    labels = _labels(result, "gravity", "estimator")
+    given = dict(zip(labels, values(result, "gravity", "gravity"), strict=True))
     return next((name for name in (*BEST_FIRST, *labels) if np.isfinite(given.get(name, np.nan))), None)
 
 
@@ -112,22 +97,15 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     if "phases" not in result.children:
         note(axes, "the result holds no phases")
         return
-    phases = result["phases"].dataset
-    values = np.asarray(phases["amplitude"].values, dtype=np.float64)
-    angle, unit = angle_scale(float(np.nanmax(values, initial=0.0)))
+    sizes = values(result, "phases", "amplitude")
+    angle, unit = angle_scale(float(np.nanmax(sizes, initial=0.0)))
     time = over_time(axes, _seconds(result), f"amplitude, {unit}")
     every = slice(None, None, max(1, time.size // _MOST_POINTS))  # smooth, and drawn in no time
-    for row, label in enumerate(phases["component"].values):
-        kind = "difference" if "-" in str(label) else "pendulum"
+    for row, label in enumerate(_labels(result, "phases", "component")):
+        words = f"{'difference' if '-' in label else 'pendulum'} {label}"
         style = ("-", "--", "-")[row % 3]  # two pendulums swing alike and would hide each other
-        axes.plot(
-            time[every],
-            values[row, every] * angle,
-            style,
-            color=canvas.PALETTE[row % len(canvas.PALETTE)],
-            label=f"{kind} {label}",
-        )
-    axes.set_ylim(0.0, 1.25 * robust_limits(values * angle)[1])
+        axes.plot(time[every], sizes[row, every] * angle, style, color=canvas.color_of(row), label=words)
+    axes.set_ylim(0.0, 1.25 * robust_limits(sizes * angle)[1])
     legend(axes, loc="upper center", ncols=3)
 
 
@@ -137,9 +115,8 @@ def draw_track(axes: Axes, result: DataTree) -> None:
     if best is None or "correction" not in result.children or "corrected_gravity" not in result["correction"].dataset:
         note(axes, "no method gave a corrected phase speed")
         return
-    phases = result["phases"].dataset
-    row = next(k for k, name in enumerate(phases["component"].values) if "-" in str(name))
-    measured = np.asarray(phases["phase_speed"].values, dtype=np.float64)[row]
+    row = next(k for k, name in enumerate(_labels(result, "phases", "component")) if "-" in name)
+    measured = values(result, "phases", "phase_speed")[row]
     gravity, frequency = (of_method(result, "gravity", name, best) for name in ("gravity", "frequency"))
     time = _seconds(result)
     # short against the beats of the swing, long against the reading noise
@@ -150,17 +127,16 @@ def draw_track(axes: Axes, result: DataTree) -> None:
         f"corrected ({best})": (of_method(result, "correction", "corrected_gravity", best), canvas.BLUE),
     }
     shown, every = [], slice(None, None, max(1, time.size // _MOST_POINTS))
-    for name, (values, color) in lines.items():
-        offset = canvas.running_mean(time, (values - gravity) / _MILLIGAL, width)
+    for name, (line, color) in lines.items():
+        offset = canvas.running_mean(time, (line - gravity) / _MILLIGAL, width)
         offset = canvas.running_mean(time, offset, width)  # once would let a heave of ten seconds through
         if time[-1] > 4.0 * width:  # at the ends half a window is not a mean over whole waves
             offset[(time < width) | (time > time[-1] - width)] = np.nan
         axes.plot(across[every], offset[every], color=color, label=name)
         shown.append(robust_limits(offset))
     if "course" in result.children:
-        course = result["course"].dataset
-        offset = (course["gravity_course"].values - gravity) / _MILLIGAL
-        sigma = course["gravity_course_sigma"].values
+        offset = (values(result, "course", "gravity_course") - gravity) / _MILLIGAL
+        sigma = values(result, "course", "gravity_course_sigma")
         axes.fill_between(across, offset - sigma, offset + sigma, color=canvas.GREEN, alpha=0.3, linewidth=0)
         axes.plot(across, offset, color=canvas.GREEN, label="joint, along the track, ± 1 σ")
         shown.append(robust_limits(np.concatenate([offset - sigma, offset + sigma])))
@@ -172,8 +148,7 @@ def draw_track(axes: Axes, result: DataTree) -> None:
 
 def draw_residual(axes: Axes, result: DataTree) -> None:
     """Draw what the fit leaves of the difference at the record's own times."""
-    group = result["difference"].dataset
-    time, residual = (np.asarray(group[name].values, dtype=np.float64) for name in ("record_time", "residual"))
+    time, residual = (values(result, "difference", name) for name in ("record_time", "residual"))
     if not np.isfinite(residual).any():
         note(axes, "no reading was fitted")
         return
@@ -186,8 +161,7 @@ def draw_residual(axes: Axes, result: DataTree) -> None:
 
 def draw_spectrum(axes: Axes, result: DataTree) -> None:
     """Draw the residual's power spectral density, and where the pendulum swings."""
-    group = result["spectrum"].dataset
-    frequency, density = (np.asarray(group[name].values)[1:] for name in ("frequency", "residual_spectrum"))
+    frequency, density = (values(result, "spectrum", name)[1:] for name in ("frequency", "residual_spectrum"))
     if not density.size or not density.max() > 0.0:
         note(axes, "nothing is left")
         return
@@ -202,33 +176,23 @@ def draw_spectrum(axes: Axes, result: DataTree) -> None:
 
 def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
     """Draw each method's gravity with its sigma, from truth or from the best method, with the numbers."""
-    table = result["gravity"].dataset
     best = best_method(result)
     if best is None:
         note(axes, "no method gave a gravity")
         return
     origin = float(of_method(result, "gravity", "gravity", best)) if true_gravity is None else true_gravity
-    methods = [str(name) for name in table["estimator"].values]
-    offset = (np.asarray(table["gravity"].values, dtype=np.float64) - origin) / _MILLIGAL
-    sigma = np.asarray(table["gravity_sigma"].values, dtype=np.float64)
+    methods = _labels(result, "gravity", "estimator")
+    offset = (values(result, "gravity", "gravity") - origin) / _MILLIGAL
+    sigma = values(result, "gravity", "gravity_sigma")
     rows = np.arange(len(methods))[::-1]
     smallest = _linear_part(offset, sigma)
     axes.set_xscale("symlog", linthresh=smallest, linscale=0.6)
     axes.axvline(0.0, color=canvas.GREEN, linewidth=1.2)
     good = np.isfinite(offset)
     bars = np.where(np.isfinite(sigma), sigma, 0.0)
-    axes.errorbar(
-        offset[good],
-        rows[good],
-        xerr=bars[good],
-        fmt="o",
-        color=canvas.BLUE,
-        ecolor=canvas.BLUE,
-        capsize=3,
-        markersize=5,
-    )
-    values = [f"{_signed(shift)} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
-    labels = [f"{name}\n{values[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
+    axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=canvas.BLUE, capsize=3, markersize=5)
+    told = [f"{_signed(shift)} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
+    labels = [f"{name}\n{told[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
     axes.set(xlim=(-2.0 * largest, 2.0 * largest), ylim=(-0.6, len(methods) - 0.4))
@@ -264,23 +228,24 @@ def _linear_part(offset: Floats, sigma: Floats) -> float:
     return float(10.0 ** np.floor(np.log10(smallest)))
 
 
-def _seconds(result: DataTree) -> Floats:
-    time = np.asarray(result.dataset["time"].values, dtype=np.float64)
+def _labels(tree: DataTree, group: str, name: str) -> list[str]:
+    return [str(label) for label in tree[group].dataset[name].values]
+
+
+def _seconds(tree: DataTree) -> Floats:
+    time = values(tree, "/", "time")
     return np.asarray(time - time[0])
 
 
 def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
     """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
-    time = _seconds(record)
-    labels = [str(label) for label in record["record"].dataset["trace"].values][:2]
+    time, traces = _seconds(record), values(record, "record", "elongation")
     figure = sheet("From a ship's record to gravity", subtitle(result), 12.0, 10.0)
     grid = figure.add_gridspec(3, 2)
-    for column, label in enumerate(labels):
+    for column, label in enumerate(_labels(record, "record", "trace")[:2]):
         kind = "the difference" if "-" in label else "a single pendulum"
         axes = panel(figure, grid[0, column], f"Recorded: {kind}, trace {label}")
-        draw_whole(
-            axes, time, np.asarray(record["record"].dataset["elongation"].values[column]), canvas.PALETTE[2 * column]
-        )
+        draw_whole(axes, time, traces[column], canvas.color_of(2 * column))
     draw_amplitudes(panel(figure, grid[1, 0], "Amplitude of each harmonic"), result)
     draw_gravity(panel(figure, grid[1, 1], "Error of each method"), result, true_gravity)
     draw_track(panel(figure, grid[2, :], "Gravity along the record"), result)

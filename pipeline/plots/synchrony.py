@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.arrays import Floats
 from pipeline.period.cycles import arc_factor
-from pipeline.plots.canvas import BLUE, GREY, ORANGE, PALETTE, VERMILION, legend, note, panel, robust_limits, sheet
+from pipeline.plots import canvas
+from pipeline.plots.canvas import BLUE, GREY, ORANGE, VERMILION, color_of, legend, note, panel, robust_limits, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from xarray import Dataset, DataTree
 
-_MARKS = {0.0: "in phase", 0.25: "quadrature", 0.5: "antiphase", 0.75: "quadrature"}
+_MARKS = ("in phase", "quadrature", "antiphase", "quadrature")  # of each quarter of a turn
 _LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sight
 
 
@@ -23,9 +23,8 @@ def period_figure(result: DataTree) -> Figure:
     """Draw a result with the group `period`: period against amplitude above, what the law leaves of it below."""
     table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
-    name = result.attrs.get("record_id", "without a name")
     words = f"at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {table.sizes['cycle']} cycles"
-    figure = sheet("Period of a single pendulum against its arc", f"record {name} · {words}", 11.0, 7.2)
+    figure = sheet("Period of a single pendulum against its arc", f"{canvas.record_of(result)} · {words}", 11.0, 7.2)
     grid = figure.add_gridspec(2, 1, height_ratios=(1.5, 1))
     _draw_periods(panel(figure, grid[0], "Cycle by cycle", "", "full period, s"), table, period)
     left = panel(figure, grid[1], "What the law leaves", "amplitude, rad", "period / law − 1, %")
@@ -34,10 +33,10 @@ def period_figure(result: DataTree) -> Figure:
 
 
 def _draw_periods(axes: Axes, table: Dataset, period: float) -> None:
-    amplitude, cycles = _values(table, "amplitude"), _values(table, "cycle_period")
+    amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
     axes.plot(amplitude, cycles, "o", markersize=2.2, color=GREY, alpha=0.6, label="one cycle")
     if "cycle_period_smoothed" in table:
-        axes.plot(amplitude, _values(table, "cycle_period_smoothed"), color=BLUE, label="smoothed")
+        axes.plot(amplitude, table["cycle_period_smoothed"].values, color=BLUE, label="smoothed")
     arc = np.linspace(0.0, 1.03 * float(np.nanmax(amplitude)), 300)
     law = period * arc_factor(arc)
     axes.plot(arc, law, "--", color=VERMILION, label="finite-arc law (elliptic integral)")
@@ -46,7 +45,7 @@ def _draw_periods(axes: Axes, table: Dataset, period: float) -> None:
 
 
 def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
-    amplitude, cycles = _values(table, "amplitude"), _values(table, "cycle_period")
+    amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
     scales = {"amplitude as recorded": (1.0, GREY)}
     if "amplitude_scale" in table and "amplitude-scale" in table["flag"].values:
         scale = 1.0 + float(table["amplitude_scale"])
@@ -68,27 +67,22 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
     legend(axes, loc="lower right", ncols=2)
 
 
-def _values(table: Dataset, name: str) -> Floats:
-    return np.asarray(table[name].values, dtype=np.float64)
-
-
 def synchrony_figure(result: DataTree) -> Figure:
     """Draw a result with the group `synchrony`: phase differences in turns, verdicts, amplitudes, Allan deviations."""
     table = result["synchrony"].dataset
-    time = np.asarray(result.dataset["time"].values, dtype=np.float64)
+    time = canvas.values(result, "/", "time")
     pairs = zip(*(table[name].values for name in ("pair", "verdict", "confidence")), strict=True)
     told = [f"{pair} {verdict} ({100.0 * float(sure):.1f} %)" for pair, verdict, sure in pairs]
-    name = result.attrs.get("record_id", "without a name")
-    figure = sheet("Clocks that share a support", f"record {name} · {', '.join(told)}", 11.0, 7.6)
+    figure = sheet("Clocks that share a support", f"{canvas.record_of(result)} · {', '.join(told)}", 11.0, 7.6)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.3, 1))
     _differences(panel(figure, grid[0, :], "Phase of one less the other", "time, s", "turns"), time, table)
     sizes = panel(figure, grid[1, 0], "Amplitudes", "time, s", "rad")
     steady = panel(figure, grid[1, 1], "How steady each clock is", "averaging time, s", "Allan deviation of the rate")
     for k, label in enumerate(str(each) for each in table["clock"].values):
-        sizes.plot(time, table["amplitude"].values[k], color=PALETTE[k % len(PALETTE)], label=f"clock {label}")
+        sizes.plot(time, table["amplitude"].values[k], color=color_of(k), label=f"clock {label}")
         if "allan_deviation" in table:
             taus = table["averaging_time"].values
-            steady.loglog(taus, table["allan_deviation"].values[k], "o-", markersize=3, color=PALETTE[k % len(PALETTE)])
+            steady.loglog(taus, table["allan_deviation"].values[k], "o-", markersize=3, color=color_of(k))
     legend(sizes)
     if "allan_deviation" not in table:
         note(steady, table.attrs.get("allan_deviation_absent") or "too short")
@@ -98,8 +92,7 @@ def synchrony_figure(result: DataTree) -> Figure:
 def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
     turns = table["phase_difference"].values / (2.0 * np.pi)
     for k, pair in enumerate(str(each) for each in table["pair"].values):
-        color = PALETTE[k % len(PALETTE)]
-        shown = turns[k] - np.floor(np.nanmin(turns[k]))
+        color, shown = color_of(k), turns[k] - np.floor(np.nanmin(turns[k]))
         axes.plot(time, shown, color=color, label=pair)
         since = float(table["lock_time"].values[k])
         if np.isfinite(since):
@@ -108,11 +101,8 @@ def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
     middle, reach = 0.5 * (low + high), max(0.5 * (high - low), _LEAST_REACH)
     low, high = middle - reach, middle + reach
     axes.set_ylim(low, high)
-    if high - low < 4.0:
-        for whole in range(int(np.floor(low)), int(np.ceil(high)) + 1):
-            for part, word in _MARKS.items():
-                if low <= whole + part <= high:
-                    axes.axhline(whole + part, color=GREY, linewidth=0.6, linestyle="--")
-                    place = (1.005, whole + part)
-                    axes.annotate(word, place, xycoords=("axes fraction", "data"), va="center", fontsize=8)
+    for quarter in range(int(np.ceil(4.0 * low)), int(np.floor(4.0 * high)) + 1) if high - low < 4.0 else ():
+        axes.axhline(0.25 * quarter, color=GREY, linewidth=0.6, linestyle="--")
+        place, word = (1.005, 0.25 * quarter), _MARKS[quarter % 4]
+        axes.annotate(word, place, xycoords=("axes fraction", "data"), va="center", fontsize=8)
     legend(axes)

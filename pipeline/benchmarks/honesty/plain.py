@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 from synth.kernels.compiled import kernel
 
 Complexes = NDArray[np.complex128]
-
+Floats = NDArray[np.float64]
 _HARMONICS = 48
 _LOW, _HIGH = 0.6, 2.6
 """Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""
 _PEAK_FACTOR = 3.3  # Hasselmann and others, JONSWAP, 1973
 _HULL = 0.5  # rad: how far from 90 degrees a hull turns sway against heave
-Floats = NDArray[np.float64]
 LONGEST = 0.05
 """s; the longest step: a third of a radian of a one-second pendulum, which errs by 1e-11 rad in five minutes."""
 _KINKED = 0.01  # s, the longest step where a drag has a kink at each turn of the swing
@@ -181,21 +180,10 @@ def _integrate(
 
 
 def integrate(times: Floats, start: Floats, own: Pendulums, support: Support, kicks: Floats) -> tuple[Floats, Floats]:
-    """Elongations at given times.
+    """Elongations (pendulums, samples), rad, at given times; and the state (pendulums, 2) at the last of them.
 
-    Parameters
-    ----------
-    times : (samples,) float64
-        s, increasing; the start holds at the first.
-    start : (pendulums, 2) float64
-        Elongation rad and its rate rad/s.
-    kicks : (pendulums, samples) float64
-        Change of the rate at each sample, rad/s over the root of the interval in s; zeros for none.
-
-    Returns
-    -------
-    elongation : (pendulums, samples) float64, rad
-    state : (pendulums, 2) float64, at the last time
+    `times` (samples,) increase, s; `start` (pendulums, 2) holds at the first, elongation rad and its rate rad/s;
+    `kicks` (pendulums, samples) change the rate at each sample, rad/s over the root of the interval in s, or are zero.
     """
     out, state = np.empty((start.shape[0], times.size)), start.copy()
     fastest = float(np.max(support.rate, initial=0.0))

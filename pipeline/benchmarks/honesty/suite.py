@@ -48,11 +48,8 @@ _ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 def reduced(made: Made, method: str) -> Row:
     """Reduce a record as a user would, from what it states.
 
-    Returns
-    -------
-    dict
-        ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``, ``flags``, ``refused`` (why), ``band_z`` (of
-        gravity along the track) and ``seconds`` of processor time.
+    The row has ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``, ``flags``, ``refused`` (why), ``band_z``
+    (of gravity along the track) and ``seconds`` of processor time.
     """
     from pipeline.processing import process
     from pipeline.summary import summaries
@@ -98,17 +95,15 @@ def _rms(values: Any) -> float:
 
 def by_kind(rows: Sequence[Row]) -> list[Row]:
     """One row for each method, kind and strength."""
-    cells: dict[tuple[str, str, str], list[Row]] = {}
-    for row in rows:
-        cells.setdefault((row["method"], row["kind"], row["strength"]), []).append(row)
     table = []
-    for place in itertools.product(dict.fromkeys(row["method"] for row in rows), KINDS, STRENGTHS):
-        if some := cells.get(place):
-            seconds = float(np.median([row["seconds"] for row in some]))
-            flags = " ".join(dict.fromkeys(flag for row in some for flag in row["flags"].split()))
-            group = next(name for name, kinds in GROUPS.items() if place[1] in kinds)
-            cell = {"method": place[0], "group": group, "kind": place[1], "strength": place[2]}
-            table.append(cell | statistics(some) | {"seconds": seconds, "flags": flags})
+    for method, (group, kinds) in itertools.product(dict.fromkeys(row["method"] for row in rows), GROUPS.items()):
+        for kind, strength in itertools.product(kinds, STRENGTHS):
+            some = [row for row in rows if (row["method"], row["kind"], row["strength"]) == (method, kind, strength)]
+            if some:
+                seconds = float(np.median([row["seconds"] for row in some]))
+                flags = " ".join(dict.fromkeys(flag for row in some for flag in row["flags"].split()))
+                cell = {"method": method, "group": group, "kind": kind, "strength": strength}
+                table.append(cell | statistics(some) | {"seconds": seconds, "flags": flags})
     return table
 
 
@@ -162,18 +157,9 @@ def run(
 ) -> Iterator[Row]:
     """Yield a row a kind and strength, then sums by strength, then the promises.
 
-    Parameters
-    ----------
-    quick : bool
-        A few kinds, and fewer records of each.
-    folder : Path or None
-        Where tables, pictures and finished records go.
-    methods : sequence of str
-        As `pipeline.process` takes them, one at a time.
-    only : str
-        A group, or part of a kind's name; empty for all.
-    seeds : int, optional
-        Records of each kind and strength.
+    Quick: a few kinds, and fewer records of each; tables, pictures and finished records go into the folder. `methods`
+    as `pipeline.process` takes them, one at a time; `only` is a group or part of a kind's name, empty for all; `seeds`
+    is the number of records of each kind and strength.
     """
     kinds = [name for name in KINDS if only in name or name in GROUPS.get(only, ())]
     kinds = [name for name in kinds if only or not quick or name in QUICK]
@@ -228,8 +214,8 @@ def draw(table: Sequence[Row], method: str, path: Path) -> None:
         _draw_cells(figure.add_subplot(grid[0, place]), part, half, cells)
     key = figure.add_subplot(grid[1, :])
     key.set_axis_off()
-    steps = [Patch(facecolor=color, label=label) for _, color, label in _STEPS]
-    steps.append(Patch(facecolor=_REFUSED, label="every record refused by name"))
+    named = [*(step[1:] for step in _STEPS), (_REFUSED, "every record refused by name")]
+    steps = [Patch(facecolor=color, label=label) for color, label in named]
     key.legend(handles=steps, loc="center", ncols=len(steps), frameon=False, fontsize=8.5, labelcolor=GREY)
     save(figure, path)
 

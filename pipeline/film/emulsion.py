@@ -23,6 +23,7 @@ from synth.kernels.compiled import kernel
 
 HIGHEST_EXPOSURE = 4.0
 TABLE_SIZE = 4097
+STEP = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)  # of the exposure in tables of the curve
 STRIP_ROWS = 16
 MOST_STRIPS = 48
 BLOCK_COLUMNS = 64
@@ -39,18 +40,38 @@ STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per un
 Floats32 = NDArray[np.float32]
 
 
+class Lens(NamedTuple):
+    """Optics as the kernels take them; `table` (2, m) holds darkness and its derivative at every `STEP` of exposure."""
+
+    spot: float
+    shear: float
+    grain: Floats
+    table: Floats
+
+
 @dataclass(frozen=True)
-class FilmEmulsion:
-    """How light became pixels: blank film, grain, characteristic curve."""
+class Optics:
+    """Spot, slit, characteristic curve and grain."""
+
+    spot: float  # px, 1 sigma of the spot as the scan shows it
+    shear: float  # rows by which the image lags per column
+    curve: ToneCurve  # darkness above blank against exposure
+    grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
+
+    @cached_property
+    def lens(self) -> Lens:
+        """For the kernels."""
+        return Lens(self.spot, self.shear, self.grain, self.curve.table())
+
+
+@dataclass(frozen=True)
+class FilmEmulsion(Optics):
+    """How light became pixels: blank film, grain, characteristic curve; spot and shear are 0 where not known."""
 
     full_scale: int  # value of the lightest pixel
     blank: Blank  # darkness of blank film, place by place
-    curve: ToneCurve  # darkness above blank against exposure
-    grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
-    spot: float = 0.0  # px, 1 sigma of the spot on the film; 0 where it is not known
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
     swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
-    shear: float = 0.0  # rows by which the image lags per column, as those traces show it
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
 
     @cached_property
@@ -157,7 +178,7 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     for turn in range(TURNS + 1):  # marks across the film mislead what lies between them
         blank = measure_blank(scan, across)
         grain = max(blank.sigma, LEAST_SIGMA) ** 2 * np.array([1.0, 10.0])
-        plain = FilmEmulsion(scan.full_scale, blank, UNTOLD, grain)
+        plain = FilmEmulsion(0.0, 0.0, UNTOLD, grain, scan.full_scale, blank)
         if turn < TURNS:
             across = lines_across(partial(shown_darkness, plain, scan), scan.rows, scan.columns)
         if across is None:
@@ -214,8 +235,6 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
 def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> tuple[Floats, float]:
     """Correlation of the grain of pixels beside each other, by their distance from 0 on, px, and its variance.
 
-    As blank film shows it.
-
     What pixels far from each other share is the background's, and a line's place does not feel it.
     """
     lags, height = np.arange(CLUMPS + PLATEAU), min(STRIP_ROWS, scan.rows)
@@ -251,10 +270,8 @@ def _clipped_mean(values: Floats) -> tuple[float, float]:
 
 def _smoothed(level: Floats) -> Floats:
     """Blocks that stand out of their neighbours (handwriting, dirt) take their neighbours' median."""
-    padded = level
-    for axis, size in enumerate(level.shape):  # on along the slope at the edges, so that vignette does not stand out
-        way: Any = {"mode": "reflect", "reflect_type": "odd"} if size > 1 else {"mode": "edge"}
-        padded = np.pad(padded, [(int(axis == k),) * 2 for k in range(2)], **way)
+    # on along the slope at the edges, so that vignette does not stand out
+    padded = np.pad(level, 1, mode="reflect", reflect_type="odd")
     median = median_filter(padded, 3)[1:-1, 1:-1]
     away = np.abs(level - median)
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)

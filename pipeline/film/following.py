@@ -208,7 +208,7 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     emulsion: Emulsion
     if dense:
         film = dense_emulsion(scan, known.count)
-        tracks, emulsion = dense_tracks(scan, film, known.count), Saturated.of(film)
+        tracks, emulsion = dense_tracks(scan, film, known.count), Saturated(film)
     else:
         emulsion = film = measure_emulsion(scan)
         told = None if progress is None else partial(progress, "traces")

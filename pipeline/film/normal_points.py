@@ -55,15 +55,18 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
     length = max(2, round(_SWINGS * period * rate))  # samples in a block
     start, span = (first - 0.5) / rate, length / rate
     block = np.arange(count) // length
-    coefficients = describe(seconds[rows] - start, departure, weight, block[at], int(block[-1]) + 1, period, span)
 
-    def smooth(times: Floats, blocks: NDArray[np.int64]) -> Floats:
-        return np.asarray(np.sum(_terms(times - start, blocks, period, span) * coefficients[blocks], axis=1))
+    def terms(times: Floats, blocks: NDArray[np.int64]) -> Floats:
+        since = times - start
+        return swing_terms(2.0 * (since / span - blocks) - 1.0, since / period, 2, 2)
 
+    read = terms(seconds[rows], block[at])
+    swing = describe(read, departure, weight, block[at], int(block[-1]) + 1)
     weights = np.bincount(at, weight, count)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.bincount(at, weight * (departure - smooth(seconds[rows], block[at])), count) / weights
-        column = course_at(tracks, axis, trace, seconds, out.time) + smooth(out.time, block) + mean
+        mean = np.bincount(at, weight * (departure - np.sum(read * swing[block[at]], axis=1)), count) / weights
+        smooth = np.sum(terms(out.time, block) * swing[block], axis=1)
+        column = course_at(tracks, axis, trace, seconds, out.time) + smooth + mean
         out.column[trace], out.sigma[trace] = column, np.where(np.isfinite(column), weights**-0.5, np.nan)
     # a sample carries the flags of its accepted rows; one without any those of all its rows, or lost
     flags = np.zeros((2, count), dtype=np.uint16)
@@ -118,29 +121,24 @@ def time_at(axis: TimeAxis, trace: int, row: Floats, column: Floats) -> Floats:
     return np.asarray(np.interp(place, np.arange(axis.seconds.size) + 0.5, axis.seconds, left=np.nan, right=np.nan))
 
 
-def describe(
-    times: Floats, departure: Floats, weight: Floats, block: NDArray[np.int64], count: int, period: float, span: float
-) -> Floats:
-    """Coefficients of the six terms in each of `count` blocks, (count, 6); zero where one holds too few readings.
+def describe(terms: Floats, departure: Floats, weight: Floats, block: NDArray[np.int64], count: int) -> Floats:
+    """Coefficients of the terms in each of `count` blocks, (count, terms); zero where one holds too few readings.
 
-    Times (s), departures (any unit) and weights (inverse variances) are in order of their `block`; block b covers
-    b * span to (b + 1) * span.
+    Terms (readings, terms), departures (any unit) and weights (inverse variances) are in order of their `block`.
     """
-    coefficients = np.zeros((count, 6))
+    coefficients = np.zeros((count, terms.shape[1]))
     edges = np.searchsorted(block, np.arange(count + 1))
-    columns = _terms(times, block, period, span)
     for number in np.flatnonzero(np.diff(edges) >= _FEWEST):
         part = slice(edges[number], edges[number + 1])
-        weighted = columns[part] * weight[part, None]
-        matrix = weighted.T @ columns[part]
-        matrix[np.diag_indices(6)] *= 1.0 + _RIDGE
+        weighted = terms[part] * weight[part, None]
+        matrix = weighted.T @ terms[part]
+        matrix[np.diag_indices_from(matrix)] *= 1.0 + _RIDGE
         coefficients[number] = np.linalg.lstsq(matrix, weighted.T @ departure[part], rcond=1e-12)[0]
     return coefficients
 
 
-def _terms(times: Floats, block: NDArray[np.int64], period: float, span: float) -> Floats:
-    """A line and a swing whose size changes, at some times of some blocks, (times, 6)."""
-    x = 2.0 * (times / span - block) - 1.0
-    phase = 2.0 * np.pi * times / period
-    cosine, sine = np.cos(phase), np.sin(phase)
-    return np.stack([np.ones_like(x), x, cosine, sine, x * cosine, x * sine], axis=-1)
+def swing_terms(place: Floats, turns: Floats, slow: int, powers: int) -> Floats:
+    """A slow course and a swing whose size changes, (..., slow + 2 powers): powers of `place`, alone and on waves."""
+    angle = 2.0 * np.pi * turns
+    waves = ((np.ones_like(place), slow), (np.cos(angle), powers), (np.sin(angle), powers))
+    return np.stack([place**k * wave for wave, most in waves for k in range(most)], axis=-1)

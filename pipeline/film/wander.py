@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
+from pipeline.film.normal_points import swing_terms
 
 SWINGS = 3.0  # of a window in which the slow part is told from the swing
 REACH = 2.5  # swings on either side of an event
@@ -108,18 +109,16 @@ def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[
 
     One not alike in all traces is none.
     """
-    parts = np.array_split(at, max(1, at.size // PLACES))
-    return [event for part in parts for event in _likeliest_of(time, column, part, period)]
-
-
-def _likeliest_of(time: Floats, column: Floats, at: Floats, period: float) -> list[Event]:
+    if at.size >= 2 * PLACES:
+        parts = np.array_split(at, at.size // PLACES)
+        return [event for part in parts for event in _likeliest(time, column, part, period)]
     first, last = (np.searchsorted(time, at + reach * period)[:, None] for reach in (-REACH, REACH))
     place = first + np.arange(int(np.max(last - first, initial=1)))
     inside, place = place < last, np.minimum(place, time.size - 1)
     t = time[place] - at[:, None]
     lengths = period * np.array([0.0, *CREASES])
     shapes = np.stack([np.where(t >= 0.0, 1.0, 0.0), *(np.exp(-np.abs(t) / each) for each in lengths[1:])], axis=-1)
-    base = _terms(t / period, REACH, 3)
+    base = swing_terms(t / period / REACH, t / period, 4, 3)
     sizes, weights = np.zeros((2, len(column), at.size, lengths.size))
     told = np.ones(at.size, dtype=bool)
     for trace, each in enumerate(column):
@@ -147,13 +146,6 @@ def _likeliest_of(time: Floats, column: Floats, at: Floats, period: float) -> li
     ]
 
 
-def _terms(turns: Floats, reach: float, powers: int) -> Floats:
-    """What a trace does over `reach` swings, (..., n, 4 + 2 powers): a slow course, and a swing whose size changes."""
-    t, angle = turns / reach, 2.0 * np.pi * turns
-    waves = [t**k * wave for wave in (np.cos(angle), np.sin(angle)) for k in range(powers)]
-    return np.stack([*(t**k for k in range(4)), *waves], axis=-1)
-
-
 def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:
     """The trace without its swing, (samples,) px, by least squares in windows of some swings; None with too few."""
     from scipy.interpolate import CubicSpline
@@ -163,7 +155,8 @@ def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:
         inside = (np.abs(time - middle) < 0.5 * SWINGS * period) & np.isfinite(column)
         if np.count_nonzero(inside) < LEAST or np.ptp(time[inside]) < 0.7 * SWINGS * period:
             continue
-        terms = _terms((time[inside] - middle) / period, SWINGS, 2)
+        turns = (time[inside] - middle) / period
+        terms = swing_terms(turns / SWINGS, turns, 4, 2)
         values.append(float(np.linalg.lstsq(terms, column[inside], rcond=None)[0][0]))
         middles.append(middle)
     if len(middles) < 4:

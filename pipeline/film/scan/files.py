@@ -182,9 +182,9 @@ class Tiff:
         Strips of any height that follow each other without compression are taken for lower ones.
         """
         length, (height, width, together) = self.path.stat().st_size, self.segment
-        bands, across, planes = -(-self.rows // height), -(-self.columns // width), self.channels // together
-        if not len(self.offsets) == len(self.sizes) == planes * bands * across:
-            count = planes * bands * across
+        across = -(-self.columns // width)
+        count = -(-self.rows // height) * across * (self.channels // together)
+        if not len(self.offsets) == len(self.sizes) == count:
             raise FileError(f"{self.path}: lists {len(self.offsets)} of {count} strips or tiles; save it again")
         last = max(offset + size for offset, size in zip(self.offsets, self.sizes, strict=True))
         if last > length or min(self.offsets) < 8:

@@ -8,6 +8,7 @@ best must be better than all others by far.
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -73,22 +74,21 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
     if len({image.full_scale for image in images}) > 1:
         raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
     parts = [Part(images[0], 0.0, 0.0, 0)]
-    for number in range(1, len(images)):
-        placed = place(images[number - 1], images[number])
-        if placed is None or not placed.is_certain:
-            none = placed is None or placed.match < LEAST_MATCH
+    for image, (last, path) in zip(images[1:], itertools.pairwise(paths), strict=True):
+        before, size = parts[-1], max(image.rows, image.columns)
+        placed = place(before.image, image)
+        if not placed.is_certain:
+            fault = "no overlap found" if placed.match < LEAST_MATCH else "the overlap fits at several places"
             raise FileError(
-                f"{paths[number]}: {'no overlap found' if none else 'the overlap fits at several places'} with the end "
-                f"of {paths[number - 1].name}; give the strips in the order of time, each overlapping the one before "
-                "by some 200 rows or more"
+                f"{path}: {fault} with the end of {last.name}; give the strips in the order of time, each overlapping "
+                "the one before by some 200 rows or more"
             )
-        before, size = parts[-1], max(images[number].rows, images[number].columns)
         offset = before.offset + placed.offset * cmath.exp(-1j * before.turn)
         turn, whole = before.turn + placed.turn, complex(round(offset.real), round(offset.imag))
         if max(abs((offset - whole).real), abs((offset - whole).imag)) + abs(turn) * size < EXACT:
             offset, turn = whole, 0.0
         seam = math.ceil(0.5 * (offset.real + before.offset.real + before.image.rows))
-        parts.append(Part(images[number], offset, turn, max(before.first + 1, seam)))
+        parts.append(Part(image, offset, turn, max(before.first + 1, seam)))
     rows = math.floor(parts[-1].offset.real + images[-1].rows + min(0.0, parts[-1].turn * images[0].columns))
     kind = np.uint8 if images[0].full_scale == 255 else np.uint16
 
@@ -134,8 +134,8 @@ def resample(source: Pixels, wanted: Pixels, row: float, column: float, cosine: 
             wanted[i, j] = min(max(math.floor(value + 0.5), 0.0), top)
 
 
-def place(before: Image, strip: Image) -> Placement | None:
-    """Find where a strip's beginning lies on the end of the strip before; None if nothing matches at all."""
+def place(before: Image, strip: Image) -> Placement:
+    """Find where a strip's beginning lies on the end of the strip before; its match is 0 if nothing matches at all."""
     length = min(LONGEST, before.rows, strip.rows)
     first = before.rows - length
     old, new = _binned(before, first, before.rows), _binned(strip, 0, length)
@@ -143,7 +143,7 @@ def place(before: Image, strip: Image) -> Placement | None:
     old, new = old[:, :width], new[:, :width]
     ranked = sorted(((_match(old, new, *shift), shift) for shift in _candidates(old, new)), reverse=True)
     if not ranked or ranked[0][0] <= 0.0:
-        return None
+        return Placement(0j, 0.0, 0.0)
     tried: dict[int, Placement] = {}
     for _, (down, across) in ranked:
         if len(tried) < ROUGH and all(abs(down - other) > NEAR for other in tried):

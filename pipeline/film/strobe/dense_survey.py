@@ -6,7 +6,6 @@ trace's own place, blurred by the spot, though a row may show two strokes and tw
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -62,18 +61,11 @@ def saturation(emulsion: Emulsion, unsure: float = KNOWN) -> float:
     return float(light[known].max()) if known.any() else float(light[-1])
 
 
-@dataclass(frozen=True)
 class Saturated:
     """An emulsion whose pixels have no weight beyond the exposure `known`, and give at most `brightest`."""
 
-    emulsion: Emulsion
-    known: float
-    brightest: float
-
-    @staticmethod
-    def of(emulsion: Emulsion) -> Saturated:
-        """The same emulsion with an end to what it resolves."""
-        return Saturated(emulsion, saturation(emulsion), saturation(emulsion, GUESSED))
+    def __init__(self, emulsion: Emulsion) -> None:
+        self.emulsion, self.known, self.brightest = emulsion, saturation(emulsion), saturation(emulsion, GUESSED)
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, up to the highest that is believed."""

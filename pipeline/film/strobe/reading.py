@@ -27,6 +27,7 @@ AT_TURNS = 1.0  # times the error of a dense band on steep strokes is that in it
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
 FLOOR = 0.06  # px along the film, of courses that are a little wrong
 UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap is not certain
+Integers = NDArray[np.int64]
 
 
 def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
@@ -60,16 +61,13 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     width = usual * pace * (1.0 + axis.shear * np.nan_to_num(lean))
     lateral = LATERAL if read_by_rows(tracks) else DENSE_LATERAL
 
-    def of_piece(
-        begin: int, stop: int, first: int, exposure: NDArray[np.float32]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    def of_piece(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> tuple[Integers, Integers, Floats]:
         trace, mark = np.nonzero((where >= begin) & (where < stop))
         near = where[trace, mark], width[trace, mark]
         return trace, mark, fitted(exposure, first, emulsion, tracks, trace, *near, WIDTH_PRIOR, lateral)
 
-    results = over_pieces(scan, emulsion, of_piece, jobs)
-    trace, mark = (np.concatenate([each[part] for each in results]).astype(np.int64) for part in (0, 1))
-    return _strobe(index, where, tracks, trace, mark, Gaps.of(trace, np.concatenate([each[2] for each in results])))
+    trace, mark, gaps = map(np.concatenate, zip(*over_pieces(scan, emulsion, of_piece, jobs), strict=True))
+    return _strobe(index, where, tracks, mark, Gaps.of(trace, gaps))
 
 
 def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Floats, Floats]:
@@ -84,12 +82,9 @@ def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Fl
     return np.where(inside, at, np.nan), np.where(inside, np.interp(at, centres, slope), np.nan)
 
 
-def _strobe(
-    index: NDArray[np.int64], where: Floats, tracks: Tracks, trace: NDArray[np.int64], mark: NDArray[np.int64],
-    gaps: Gaps,
-) -> Strobe:  # fmt: skip
+def _strobe(index: Integers, where: Floats, tracks: Tracks, mark: Integers, gaps: Gaps) -> Strobe:
     """Places of the gaps that are certain, and flags of the others."""
-    position, sigma = np.full((2, *where.shape), np.nan)
+    trace, (position, sigma) = gaps.trace, np.full((2, *where.shape), np.nan)
     qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
     certain = np.isfinite(gaps.row) & (gaps.depth_sigma < UNCERTAIN)
     closed = certain & (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
@@ -128,7 +123,7 @@ def bends(tracks: Tracks, gaps: Gaps) -> Floats:
     return out
 
 
-def _crossed(tracks: Tracks, trace: NDArray[np.int64], row: Floats) -> NDArray[np.bool_]:
+def _crossed(tracks: Tracks, trace: Integers, row: Floats) -> NDArray[np.bool_]:
     """Whether another trace's line passes near a place of a trace."""
     near, each = np.clip(np.nan_to_num(row).astype(np.int64), 0, tracks.course.shape[1] - 1), np.arange(trace.size)
     course, lean = tracks.course[:, near], np.abs(tracks.slope[:, near])

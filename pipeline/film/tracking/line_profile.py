@@ -13,18 +13,13 @@ spots along the trace) that the sum of Gaussians is as good as the integral: 1e-
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import HIGHEST_EXPOSURE, TABLE_SIZE, ToneCurve
 from synth.kernels.compiled import kernel
 
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
 FINENESS = 1.25  # spots a step, where the light comes and goes with the Gaussian
 EDGE_FINENESS = 0.6  # where it is cut off
-STEP = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)  # of the exposure in tables of the curve
 FULL_NODES, MOST_NODES = 1000, 2000
 
 
@@ -127,39 +122,3 @@ def profile(
             value *= factor
             factor *= bend
             away += 1.0
-
-
-class Lens(NamedTuple):
-    """Optics as the kernels take them; `table` (2, m) holds darkness and its derivative at every `STEP` of exposure."""
-
-    spot: float
-    shear: float
-    grain: Floats
-    table: Floats
-
-
-@dataclass(frozen=True)
-class Optics:
-    """Spot, slit and emulsion.
-
-    Attributes
-    ----------
-    spot : float
-        1 sigma of the spot as the scan shows it, px.
-    shear : float
-        Rows by which the image lags per column.
-    curve : ToneCurve
-        Darkness above blank against exposure.
-    grain : (2,) array
-        Variance of a pixel's darkness on blank film, and its growth per unit of darkness.
-    """
-
-    spot: float
-    shear: float
-    curve: ToneCurve
-    grain: Floats
-
-    @cached_property
-    def lens(self) -> Lens:
-        """For the kernels."""
-        return Lens(self.spot, self.shear, self.grain, self.curve.table())

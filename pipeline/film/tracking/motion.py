@@ -26,6 +26,14 @@ def place_and_rate(states: Floats) -> tuple[Floats, Floats]:
     return states[..., 0] + states[..., 3], states[..., 1] - states[..., 5] * states[..., 4]
 
 
+def moved(states: Floats, along: float | Floats) -> Floats:
+    """States (..., 6) of traces some rows on along the film; both broadcast."""
+    m, m1, m2, p, q, w = np.moveaxis(states, -1, 0)
+    c, s = np.cos(w * along), np.sin(w * along)
+    place = m + along * (m1 + 0.5 * along * m2)
+    return np.stack(np.broadcast_arrays(place, m1 + m2 * along, m2, p * c - q * s, p * s + q * c, w), axis=-1)
+
+
 @kernel
 def _carry(change: Floats, step: float, c: float, s: float, p: float, q: float) -> None:
     """What a small change of a state becomes a step on, in place; `p`, `q` are those after the step."""

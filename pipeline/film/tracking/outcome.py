@@ -14,11 +14,10 @@ from scipy.special import ndtr
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import FilmEmulsion
+from pipeline.film.emulsion import FilmEmulsion, Optics
 from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_gaps
 from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Tracks
-from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined
 from pipeline.film.tracking.row_reading import read_piece

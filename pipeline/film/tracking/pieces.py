@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import Lens, Optics
+from pipeline.film.emulsion import Lens, Optics
 from pipeline.film.tracking.motion import STATES, advance, correct, place_variance, slope_of, slope_variance, solve
 from pipeline.film.tracking.row_reading import read_row, work_space
 from pipeline.film.tracking.seeding import Swing
@@ -84,12 +84,6 @@ class Piece(NamedTuple):
         place, variance, brightness = np.empty((3, traces, rows))
         states, covariances = np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES))
         return Piece(place, variance, brightness, np.zeros((traces, rows), np.uint8), states, covariances)
-
-    def of(self, trace: int) -> Piece:
-        """One trace of the piece."""
-        one = slice(trace, trace + 1)
-        parts: Any = [*(each[one] for each in self[:4]), self.states[:, one], self.covariances[:, one]]
-        return Piece(*parts)
 
 
 def start(swings: Sequence[Swing], row: float) -> Filter:

@@ -7,18 +7,25 @@ exposure that the spot must have left there is the characteristic curve.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, clumps_of, plain_emulsion, shown_darkness
+from pipeline.film.emulsion import (
+    FilmEmulsion,
+    Optics,
+    ToneCurve,
+    bounded_growth,
+    clumps_of,
+    plain_emulsion,
+    shown_darkness,
+)
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
+from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.row_reading import lit_columns
 from pipeline.film.tracking.section import Section, follow_from, read_section
@@ -46,7 +53,6 @@ USUAL = 1.3, 2.0  # contrast and shoulder of emulsions
 SHAPE, LAMPS = 5, 0.3  # unknowns of spot and curve; 1 sigma of a lamp's brightness, relative
 PRIOR_SIGMA = np.array([1e3, 0.5, 1e3, 0.3, 1.0])  # of the logarithms of spot, darkest, middle, contrast and shoulder
 SHEAR_SWINGS = 1.5
-Darkness = Callable[[int, int], NDArray[np.float32]]
 
 
 def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
@@ -59,12 +65,11 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     sharp = replace(plain, blur=float(np.clip(0.5 * (beside - next_one), 0.0, MOST_BLUR)))
     clumps, variance = clumps_of(scan, sharp)
     sharp = replace(sharp, clumps=clumps, grain=plain.grain * (variance / blurred))
-    probed = probe(partial(shown_darkness, sharp, scan), scan.rows, float(np.sqrt(sharp.grain[0])))
+    probed = probe(scan, sharp)
     if probed is None:
         return sharp
-    section, optics = probed
-    optical = replace(sharp, curve=optics.curve, grain=optics.grain, spot=optics.spot)
-    return replace(optical, swing=section.period, shear=optics.shear)
+    section, at = probed
+    return replace(sharp, spot=at.spot, shear=at.shear, curve=at.curve, grain=at.grain, swing=section.period)
 
 
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
@@ -88,41 +93,39 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
             yield first, min(rows, first + height)
 
 
-def probe(
-    darkness: Darkness, rows: int, sigma: float, count: int | None = None, optics: Optics | None = None,
-    period: float | None = None,
-) -> tuple[Section, Optics] | None:  # fmt: skip
+def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> tuple[Section, Optics] | None:
     """The section that shows most traces, and optics fitted to it; None if nothing swings on the film.
 
-    `period` is the length of a swing in rows, where it is known.
+    Of an emulsion whose spot is known the shear alone is fitted.
     """
-    height = FIRST_ROWS
+    height, known = FIRST_ROWS, emulsion.spot > 0.0
     while True:
         tried: list[tuple[int, int]] = []
         read: list[tuple[Section, Optics]] = []
-        for first, stop in sections(rows, height):
+        for first, stop in sections(scan.rows, height):
             whole = _whole(read, count)
             if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
-            piece = darkness(first, stop)
-            guess = optics or first_optics(piece, sigma)
-            one = _read_askew(piece, first, guess, read[0][0].period if read else period, count)
+            piece = shown_darkness(emulsion, scan, first, stop)
+            guess = emulsion if known else first_optics(piece, float(np.sqrt(emulsion.grain[0])))
+            one = _read_askew(piece, first, guess, read[0][0].period if read else emulsion.swing, count)
             tried.append((first, stop))
             read += [] if one is None else [one]
         if read:
             break
-        if height >= min(rows, TALLEST):
+        if height >= min(scan.rows, TALLEST):
             return None
         height *= 2
     section, guess = max(_whole(read, count) or read, key=lambda each: _open_rows(each[0], each[1].spot)[0].size)
-    section, known = refine(section, guess, fixed=optics is not None)
-    for first, stop in tried if count is None else sections(rows, height):
+    section, optics = refine(section, guess, fixed=known)
+    for first, stop in tried if count is None else sections(scan.rows, height):
         if first == section.first or len(section.swings) == count:
             continue
-        other = read_section(darkness(first, stop), first, known, section.period, count, least=SURE)
+        piece = shown_darkness(emulsion, scan, first, stop)
+        other = read_section(piece, first, optics, section.period, count, least=SURE)
         if other is not None and len(other.swings) > len(section.swings):
             section = other
-    return section, known
+    return section, optics
 
 
 def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[Section, Optics]]:
@@ -146,7 +149,7 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         if turn < ANEW:
             again = read_section(section.darkness, section.first, rough, section.period, None, least=SURE)
         if again is None or len(again.swings) < len(section.swings):
-            again = follow_from(section.swings, section.darkness, section.first, section.begin, rough, 1.0)
+            again = follow_from(section.swings, section.darkness, section.first, rough, 1.0)
         section = again
         shape, shape_before = (
             np.log([each.spot, each.curve.darkest, each.curve.middle, each.curve.contrast]) for each in (optics, before)

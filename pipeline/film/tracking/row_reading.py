@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import MOST_NODES, REACH, STEP, Lens, nodes_of, profile
+from pipeline.film.emulsion import STEP, Lens
+from pipeline.film.tracking.line_profile import MOST_NODES, REACH, nodes_of, profile
 from pipeline.film.tracking.motion import slope_of, solve
 from synth.kernels.compiled import kernel, summing_kernel
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.emulsion import Floats32, Optics
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import Filter, Piece, combined, run, start
 from pipeline.film.tracking.seeding import SAME, Swing, find_swings
@@ -35,9 +35,8 @@ class Section:
     """Traces of one section, from left to right."""
 
     first: int  # row of the film
-    begin: int  # row of the section at which the swings are given
-    darkness: NDArray[np.float32]  # (rows, columns), above blank film
-    swings: tuple[Swing, ...]  # one a trace
+    darkness: Floats32  # (rows, columns), above blank film
+    swings: tuple[Swing, ...]  # one a trace, all at one row
     states: Floats  # (rows, traces, 6), see `motion`
     place: Floats  # (traces, rows), NaN where there is no reading
     brightness: Floats
@@ -50,7 +49,7 @@ class Section:
 
 
 def read_section(
-    darkness: NDArray[np.float32], first: int, optics: Optics, period: float | None, count: int | None,
+    darkness: Floats32, first: int, optics: Optics, period: float | None, count: int | None,
     seeds: list[Swing] | None = None, least: float = LEAST_USED,
 ) -> Section | None:  # fmt: skip
     """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
@@ -74,7 +73,7 @@ def read_section(
 
 
 def _follow_together(
-    darkness: NDArray[np.float32], first: int, pieces: list[Piece], optics: Optics, least: float
+    darkness: Floats32, first: int, pieces: list[Piece], optics: Optics, least: float
 ) -> Section | None:
     """Follow traces jointly that were each proven; the worst is left out until all are read for most of their way."""
     while pieces:
@@ -85,17 +84,16 @@ def _follow_together(
         begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
         pieces = sorted(pieces, key=lambda piece: float(piece.states[begin, 0, 0]))
         swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy()) for piece in pieces]
-        section = follow_from(swings, darkness, first, begin, optics, 0.5 * together.sum())
+        section = follow_from(swings, darkness, first, optics, 0.5 * together.sum())
         if section.share.min() >= least:
             return section
         del pieces[int(np.argmin(section.share))]
     return None
 
 
-def follow_from(
-    swings: Sequence[Swing], darkness: NDArray[np.float32], first: int, begin: int, optics: Optics, least: float
-) -> Section:
-    """Follow swings given at row `begin` both ways through a section; fewer rows than `least` count as so many."""
+def follow_from(swings: Sequence[Swing], darkness: Floats32, first: int, optics: Optics, least: float) -> Section:
+    """Follow swings given at one row both ways through a section; fewer rows than `least` count as so many."""
+    begin = round(swings[0].row - 0.5) - first
     begun = start(swings, first + begin - 0.5)
     run(begun, darkness[begin:], first + begin, 1, optics)
     backward, forward = (run(_turned(begun), darkness, first, order, optics) for order in (-1, 1))
@@ -105,7 +103,7 @@ def follow_from(
     place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
     share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
     there = tuple(Swing(first + begin + 0.5, state.copy()) for state in states[begin])
-    return Section(first, begin, darkness, there, states, place, light, share)
+    return Section(first, darkness, there, states, place, light, share)
 
 
 def _turned(begun: Filter) -> Filter:
@@ -116,9 +114,9 @@ def _turned(begun: Filter) -> Filter:
 
 
 def _prove(
-    seed: Swing, others: list[Piece], darkness: NDArray[np.float32], first: int, optics: Optics
+    seed: Swing, others: list[Piece], darkness: Floats32, first: int, optics: Optics
 ) -> tuple[float, Piece] | None:
-    """Follow a seed beside the traces that are known already: rows in a swing, and the piece; None if it is none."""
+    """Follow a seed beside the known traces: rows in a swing, and a piece with it first; None if it is none."""
     begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
     beside = [Swing(first + begin + 0.5, piece.states[begin, 0]) for piece in others if piece.followed[0, begin]]
     begun = start([seed, *beside], first + begin - 0.5)
@@ -130,7 +128,7 @@ def _prove(
         begun = start([seed, *beside], first + begin - 0.5)
         begins = np.full(begun.alive.size, begin)
         begun.alive[:] = 0
-    piece = run(begun, darkness, first, -1, optics, begins).of(0)
+    piece = run(begun, darkness, first, -1, optics, begins)
     followed = piece.followed[0] > 0
     used = np.isfinite(piece.variance[0]) & followed
     if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
@@ -153,7 +151,7 @@ def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
     middle, half = round(seed.row - first - 0.5), int(0.5 * seed.period)
     rows = np.flatnonzero(piece.followed[0])
     rows = rows[np.abs(rows - middle) <= half]
-    return rows.size >= 0.5 * half and _apart(piece, rows, seed.column(first + rows + 0.5)) < SAME * spot
+    return rows.size >= 0.5 * half and _apart(piece, rows, place_and_rate(seed.at(first + rows + 0.5))[0]) < SAME * spot
 
 
 def _coincide(one: Piece, other: Piece, spot: float) -> bool:

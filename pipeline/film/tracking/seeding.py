@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.tracking.motion import solve
+from pipeline.film.tracking.motion import moved, place_and_rate, solve
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
@@ -48,15 +48,9 @@ class Swing:
         """Rows in a full swing."""
         return float(2.0 * np.pi / self.state[5])
 
-    def column(self, row: Floats) -> Floats:
-        """Place at some rows, px."""
-        return columns(self.row, self.state, row)[0]
-
-    def at(self, row: float) -> Floats:
-        """State at another row."""
-        along, (m, m1, m2, p, q, w) = row - self.row, self.state
-        c, s = np.cos(w * along), np.sin(w * along)
-        return np.array([m + along * (m1 + 0.5 * along * m2), m1 + m2 * along, m2, p * c - q * s, p * s + q * c, w])
+    def at(self, row: float | Floats) -> Floats:
+        """State at another row, or at several, (..., 6)."""
+        return moved(self.state, row - self.row)
 
 
 def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, period: float | None = None) -> list[Swing]:
@@ -70,31 +64,20 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
     least = NOISE * sigma / (2.0 * np.sqrt(np.pi) * 0.8 * spot) * 1.3
     shortest, longest = (0.85 * period, 1.18 * period) if period else (5.0 * spot, 0.8 * darkness.shape[0])
     out = np.empty((MOST_PROPOSALS, 8))
-    count = propose(smooth, points, spot, least, shortest, longest, out)
-    swings = [Swing(first + each[0], each[1:7].copy(), float(each[7])) for each in out[:count]]
-    swings.sort(key=lambda swing: -(swing.share**CERTAIN) * swing.amplitude * swing.state[5])
-    rows, states = np.array([swing.row for swing in swings]), np.array([swing.state for swing in swings])
-    free = np.arange(len(swings))
+    free = out[: propose(smooth, points, spot, least, shortest, longest, out)]
+    merit = free[:, 7] ** CERTAIN * np.hypot(free[:, 4], free[:, 5]) * free[:, 6]
+    free = free[np.argsort(-merit, kind="stable")]
     kept: list[Swing] = []
-    while free.size and len(kept) < MOST_KEPT:
-        best, free = swings[free[0]], free[1:]
-        kept.append(best)
+    while len(free) and len(kept) < MOST_KEPT:
+        best, free = free[0], free[1:]
+        kept.append(Swing(first + best[0], best[1:7].copy(), float(best[7])))
         # others that follow one line with it for a period about the middle between them are the same trace
-        period = np.minimum(best.period, 2.0 * np.pi / states[free, 5:])
-        at = 0.5 * (best.row + rows[free, None]) + np.linspace(-0.5, 0.5, 25) * period
-        own, slope = columns(best.row, best.state[:, None, None], at)
-        other, _ = columns(rows[free, None], states[free].T[:, :, None], at)
+        shorter = 2.0 * np.pi / np.maximum(best[6], free[:, 6:7])
+        at = 0.5 * (best[0] + free[:, :1]) + np.linspace(-0.5, 0.5, 25) * shorter
+        own, slope = place_and_rate(moved(best[1:7], at - best[0]))
+        other, _ = place_and_rate(moved(free[:, None, 1:7], at - free[:, :1]))
         free = free[np.median(np.abs(own - other) / np.sqrt(1.0 + slope**2), axis=1) >= SAME * spot]
     return kept
-
-
-def columns(row: float | Floats, state: Floats, at: Floats) -> tuple[Floats, Floats]:
-    """Place and slope of swings at some rows."""
-    along = at - row
-    m, m1, m2, p, q, w = state
-    c, s = np.cos(w * along), np.sin(w * along)
-    place = m + along * (m1 + 0.5 * along * m2) + p * c - q * s
-    return place, m1 + along * m2 - w * (p * s + q * c)
 
 
 def spot_size(darkness: Floats32) -> float:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -18,11 +17,10 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
 from pipeline.film.edits import Placed
-from pipeline.film.emulsion import FilmEmulsion, shown_darkness
+from pipeline.film.emulsion import FilmEmulsion, Optics, shown_darkness
 from pipeline.film.marks.pieces import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
 from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, replay, run
 from pipeline.film.tracking.probing import ROUGH, SURE, probe
@@ -70,11 +68,6 @@ class Film:
         """The darkness of some pieces, in their order."""
         return in_order(lambda piece: self.darkness(*piece), pieces, self.jobs)
 
-    def drawn(self, rows: slice) -> Floats:
-        """Lines drawn by hand on some rows; `NO_LINES` where there are none."""
-        lines = np.ascontiguousarray(self.lines[:, rows])
-        return lines if np.isfinite(lines).any() else NO_LINES
-
     def section(self, first: int, stop: int, traces: int) -> Section | None:
         """The traces found anew on the section that begins at a row and reaches to `stop` at least."""
         stop = min(self.scan.rows, max(stop, first + round(SECTION_SWINGS * self.period)))
@@ -115,8 +108,9 @@ class Following:
         """The same with the stretches that a person edited followed once more."""
         traces, rows = self.followed.shape
         lines = edits.courses(traces, rows)
-        lines = NO_LINES if lines is None else lines
-        film = replace(self.film, edits=edits, lines=lines, jobs=jobs, progress=lambda *_: None)
+        film = replace(
+            self.film, edits=edits, lines=NO_LINES if lines is None else lines, jobs=jobs, progress=lambda *_: None
+        )
         out = deepcopy(self, {id(self.film): film, id(self.section): self.section})
         firsts = [first for first, _ in film.pieces]
         for first_row, last_row in edits.stretches(rows, film.period):
@@ -138,7 +132,7 @@ class Following:
         spans = film.pieces[pieces.start : pieces.stop]
         for number, (first, stop), darkness in zip(pieces, spans, film.pixels(spans), strict=True):
             begins, part = np.full(len(last), -1), slice(first, stop)
-            lines = film.drawn(part)
+            lines = np.ascontiguousarray(film.lines[:, part])
             if first >= self.section.first - (stop - first) and not begun.alive.all():
                 self._look_again(begun, begins, first, stop, last)
             _start_on_lines(begun, begins, lines, film.period)
@@ -174,7 +168,7 @@ class Following:
         spans, margin = film.pieces[pieces.start : pieces.stop][::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
         for number, (first, stop), darkness in zip(pieces[::-1], spans, film.pixels(spans), strict=True):
             part = slice(first, stop)
-            lines, known = film.drawn(part), deepcopy(self.checkpoints[number][0])
+            lines, known = np.ascontiguousarray(film.lines[:, part]), deepcopy(self.checkpoints[number][0])
             kept = self.place[:, part], self.variance[:, part], self.followed[:, part]
             forth = replay(known, *kept, film.optics, lines)
             self.behind[number] = deepcopy(begun)
@@ -247,9 +241,7 @@ def follow_traces(
     RefusedError
         Nothing swings on the film, or fewer traces than were expected.
     """
-    given = Optics(emulsion.spot, emulsion.shear, emulsion.curve, emulsion.grain) if emulsion.spot else None
-    darkness = partial(shown_darkness, emulsion, scan)
-    probed = probe(darkness, scan.rows, float(np.sqrt(emulsion.grain[0])), count, given, emulsion.swing or None)
+    probed = probe(scan, emulsion, count)
     if probed is None:
         raise RefusedError(NOTHING)
     section, optics = probed
@@ -310,9 +302,10 @@ def first_section(film: Film, probed: Section) -> Section:
             section = other
             break
     first = max(0, section.first - round(LEAD_SWINGS * film.period))
+    if first == section.first:
+        return section
     darkness = film.darkness(first, section.first + section.darkness.shape[0])
-    begin = section.first + section.begin - first
-    return follow_from(section.swings, darkness, first, begin, film.optics, 1.0) if first < section.first else section
+    return follow_from(section.swings, darkness, first, film.optics, 1.0)
 
 
 def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | None:

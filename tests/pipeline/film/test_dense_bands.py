@@ -187,7 +187,7 @@ def test_what_a_dense_course_may_err_by_in_turning_points_is_told_on_its_strokes
 
 def test_saturation_is_where_the_grain_hides_the_exposure() -> None:
     assert saturation(Lit()) == pytest.approx(0.3, abs=0.03)
-    film = Saturated.of(Lit())
+    film = Saturated(Lit())
     np.testing.assert_allclose(
         film.exposure(np.array([[0.1, 0.5, 3.0]], dtype=np.float32), 0), [[0.1, 0.5, 1.0]], atol=0.03
     )

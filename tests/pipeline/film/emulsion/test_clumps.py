@@ -36,7 +36,7 @@ def sheet(clump: float) -> tuple[Sheet, FilmEmulsion]:
     darkness = LEVEL + SIGMA * noise / noise.std()
     pixels = np.rint(65535 * 10.0**-darkness).astype(np.uint16)
     blank = Blank(np.array([1000.0]), np.array([350.0]), np.array([[LEVEL]]), SIGMA)
-    return Sheet(pixels), FilmEmulsion(65535, blank, UNTOLD, np.array([SIGMA**2, 0.0]), 1.3)
+    return Sheet(pixels), FilmEmulsion(1.3, 0.0, UNTOLD, np.array([SIGMA**2, 0.0]), 65535, blank)
 
 
 @pytest.mark.parametrize("clump", [0.6, 1.0, 1.4])

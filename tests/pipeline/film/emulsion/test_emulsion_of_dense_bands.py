@@ -64,7 +64,7 @@ def test_a_curve_is_drawn_as_a_spot_draws_it():
 
 def test_exposure_is_that_of_the_darkness():
     image = np.random.default_rng(3).integers(1, 256, (300, 200)).astype(np.uint8)
-    emulsion = FilmEmulsion(255, measure_blank(Sheet(image)), TRUE, np.array([5e-5, 1e-3]))
+    emulsion = FilmEmulsion(0.0, 0.0, TRUE, np.array([5e-5, 1e-3]), 255, measure_blank(Sheet(image)))
     expected = TRUE.exposure(emulsion.darkness(image, 0))
     seen = emulsion.exposure(image, 0)
     inside = expected < 1.0  # in the table's steps, which are wide where the film is saturated

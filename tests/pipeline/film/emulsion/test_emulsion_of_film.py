@@ -59,7 +59,7 @@ def test_pixels_become_darkness_and_exposure():
     curve = ToneCurve(0.6, 0.2, 1.5)
     image = np.full((64, 128), 200, np.uint8)
     blank = measure_blank(Sheet(image))
-    emulsion = FilmEmulsion(255, blank, curve, np.array([1e-4, 1e-3]))
+    emulsion = FilmEmulsion(0.0, 0.0, curve, np.array([1e-4, 1e-3]), 255, blank)
     exposures = np.array([0.05, 0.3, 1.0])
     pixels = np.tile(np.round(200 * 10.0 ** -curve.darkness(exposures)), (2, 1)).astype(np.uint8)
     wide = np.pad(pixels, ((0, 0), (0, 125)), constant_values=200)
@@ -77,7 +77,7 @@ def test_blur_of_the_scanner_is_taken_out():
     blank = Blank(np.array([30.0]), np.array([30.0]), np.array([[np.log10(65535 / 60000)]]), 1e-3)
     kernel = gaussian_filter1d(np.eye(1, 21, 10)[0], 0.45)
     half_variance = 0.5 * float(kernel @ (np.arange(21) - 10.0) ** 2)
-    sharp = FilmEmulsion(65535, blank, UNTOLD, np.array([1e-4, 1e-3]), blur=half_variance)
+    sharp = FilmEmulsion(0.0, 0.0, UNTOLD, np.array([1e-4, 1e-3]), 65535, blank, blur=half_variance)
     off = np.abs(np.stack([replace(sharp, blur=0.0).darkness(pixels, 0), sharp.darkness(pixels, 0)]) - dark)
     assert off[0].max() > 0.01
     assert off[1].max() < 0.05 * off[0].max()

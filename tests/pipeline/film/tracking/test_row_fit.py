@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from pipeline.film.emulsion import ToneCurve
-from pipeline.film.tracking.line_profile import MOST_NODES, Optics, nodes_of, profile
+from pipeline.film.emulsion import Optics, ToneCurve
+from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
 from pipeline.film.tracking.motion import solve
 from pipeline.film.tracking.row_reading import read_row, work_space
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,10 +12,9 @@ from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion import ToneCurve
+from pipeline.film.emulsion import Optics, ToneCurve
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing
-from pipeline.film.tracking.line_profile import Optics
 from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.probing import SURE, sections
 from pipeline.film.tracking.section import Section, read_section
@@ -188,6 +188,7 @@ def test_sections_are_looked_at_until_one_shows_all_traces(
     monkeypatch.setattr(probing, "_read_askew", read)
     monkeypatch.setattr(probing, "refine", lambda section, optics, fixed: (section, optics))
     monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
-    found = probing.probe(lambda _first, _stop: section.darkness, 20_000, 0.01, count, short.optics)
+    monkeypatch.setattr(probing, "shown_darkness", lambda *_: section.darkness)
+    found = probing.probe(SimpleNamespace(rows=20_000), short.emulsion, count)
     assert found is not None
     assert (len(looked), len(found[0].swings)) == (looks, swings)

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, Sheet, Swinging, developed, exposure_of, shutter
 
-from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
-from pipeline.film.tracking.line_profile import Optics
+from pipeline.film.emulsion import FilmEmulsion, Optics, ToneCurve, measure_blank
 from pipeline.film.tracking.track import Film
 
 SPOT, PERIOD, GRAIN, COLUMNS = 0.9, 13.3, 0.03, 60
@@ -62,5 +61,5 @@ def tiny(rows: int, lit: tuple[tuple[float, float], ...], traces: tuple[Swinging
     gaps = shutter(rows, EVERY, LENGTH)
     image = developed(exposure_of(list(traces), rows, COLUMNS, gaps, lamp, SPOT), GRAIN, seed)
     sheet = Sheet(image)
-    emulsion = FilmEmulsion(255, measure_blank(sheet), CURVE, VARIANCE, SPOT)
+    emulsion = FilmEmulsion(SPOT, 0.0, CURVE, VARIANCE, 255, measure_blank(sheet))
     return Tiny(sheet, emulsion, traces, np.asarray(lamp(np.arange(rows) + 0.5)))

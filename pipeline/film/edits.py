@@ -55,8 +55,11 @@ class Placed:
     def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
         """The same rows from `first` on, NaN where nothing is to be read."""
         for corners in self.masks:
-            if corners[:, 0].max() > first and corners[:, 0].min() < first + len(darkness):
-                darkness[drawn(corners, first, darkness.shape)] = np.nan
+            low = np.clip(np.floor(corners.min(axis=0) - [first, 0]).astype(int), 0, darkness.shape)
+            high = np.clip(np.ceil(corners.max(axis=0) - [first, 0]).astype(int) + 1, 0, darkness.shape)
+            rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]] + 0.5  # pixels' centres
+            inside = contains(corners, rows + first, columns)
+            darkness[low[0] : high[0], low[1] : high[1]][inside] = np.nan
         return darkness
 
     def hides(self, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
@@ -156,16 +159,6 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
     marks = MarkEdits(there.reshape(-1, 3), cleared.reshape(-1, 2), np.array(found[Break]))
     left_out = frozenset(trace for trace, first, last in found[Ignore] if first <= 0.0 and last >= scan.rows)
     return Placed(edits, found[Mask], found[Follow], found[Ignore], left_out, marks)
-
-
-def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which pixels of rows from `first` on have their centres in a polygon, or in the rectangle of two corners."""
-    out = np.zeros(shape[:2], dtype=bool)
-    low = np.clip(np.floor(corners.min(axis=0) - [first, 0]).astype(int), 0, shape[:2])
-    high = np.clip(np.ceil(corners.max(axis=0) - [first, 0]).astype(int) + 1, 0, shape[:2])
-    rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]] + 0.5
-    out[low[0] : high[0], low[1] : high[1]] = contains(corners, rows + first, columns)
-    return out
 
 
 def contains(corners: Floats, rows: Floats, columns: Floats) -> NDArray[np.bool_]:

@@ -58,11 +58,6 @@ class Reading:
         return replace(self, samples=Samples(time, column, sigma, samples.qc[:, inside]))
 
     @property
-    def accepted_fraction(self) -> float:
-        """As of `accepted_fraction`."""
-        return accepted_fraction(self.tracks, self.axis)
-
-    @property
     def marks(self) -> NDArray[np.int64]:
         """Numbers of the marks that a trace shows.
 

@@ -94,8 +94,7 @@ class Session:
             check_scan(made, scan)
         traces, _ = find_time(scan, known, reading, None, jobs, progress)
         if made is None:
-            own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
-            made = FilmEdits.model_validate(own)
+            made = FilmEdits.model_validate({"sha256": traces.scan.sha256, "orientation": traces.scan.orientation})
         asked = {"reading": reading, "rate": rate, "jobs": jobs}
         return Session(traces, known, made, path, who or _user(), paths[0].name, asked)
 

@@ -131,18 +131,10 @@ function stroke(path, ink, width, { halo = "#fffb", dash = [] } = {}) {
   }
   pen.setLineDash([]);
 }
-function polygon(points) {
-  const path = new Path2D();
-  points.forEach(([row, column]) => path.lineTo(...toScreen(row, column)));
-  return path;
-}
+const polygon = (points) => new Path2D(`M${points.map((point) => toScreen(...point).join(" ")).join("L")}`);
 const corners = ([[a, b], [c, d]]) => [[a, b], [a, d], [c, d], [c, b], [a, b]];
-const level = (row, from = toScreen(0, 0)[0], to = toScreen(0, shown.state.columns)[0]) => {
-  const y = toScreen(row, 0)[1], path = new Path2D();
-  path.moveTo(from, y);
-  path.lineTo(to, y);
-  return path;
-};
+const level = (row, from = toScreen(0, 0)[0], to = toScreen(0, shown.state.columns)[0]) =>
+  new Path2D(`M${from} ${toScreen(row, 0)[1]}H${to}`);
 
 function draw() {
   const { rows } = shown.state, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -269,9 +261,8 @@ const DRAWN = {
     stroke(path, colour(trace), 1.5);
   },
   "no-mark"({ row, trace }) {
-    const [x, y] = toScreen(row, columnAt(trace, row) ?? 0), path = new Path2D("M-6-6 6 6M-6 6 6-6"), moved = new Path2D();
-    moved.addPath(path, new DOMMatrix([1, 0, 0, 1, x, y]));
-    stroke(moved, "#8a1c1c", 2);
+    const [x, y] = toScreen(row, columnAt(trace, row) ?? 0);
+    stroke(new Path2D(`M${x - 6} ${y - 6}l12 12m-12 0 12-12`), "#8a1c1c", 2);
   },
   break: ({ row }) => stroke(level(row), "#8a1c1c", 2, { dash: [12, 6] }),
   ignore({ first_row, last_row, trace }) {

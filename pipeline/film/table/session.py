@@ -195,9 +195,8 @@ class Session:
                     for row, course in zip(axis.row_of_trace[:, at].tolist(), tracks.course, strict=True)
                 ]
                 seconds = float(axis.index[at] * axis.interval)
-                minute = bool(round(seconds / axis.interval) * axis.interval % 60.0 == 0.0)
-                mark = {"row": float(axis.row[at]), "trace_rows": places, "label": self._clock(seconds)}
-                marks.append(mark | {"minute": minute})
+                label, minute = self._clock(seconds), seconds % 60.0 == 0.0
+                marks.append({"row": float(axis.row[at]), "trace_rows": places, "label": label, "minute": minute})
         return {
             "rows": (rows + 0.5).tolist(),
             "courses": [_listed(each[rows]) for each in tracks.course],

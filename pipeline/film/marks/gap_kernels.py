@@ -365,7 +365,9 @@ def fit_gaps(
     widths: Floats, known: Known,
 ) -> NDArray[np.float64]:  # fmt: skip
     """Fit gaps near the rows `guesses` of `traces`, of `widths` rows, (gaps, RESULTS)."""
-    out, wide = np.empty((guesses.size, RESULTS)), widths.max() if widths.size else 0.0
+    out, wide = np.empty((guesses.size, RESULTS)), 0.0
+    for k in range(widths.size):
+        wide = max(wide, widths[k])
     margin = int(28.0 * known.spot) + 8
     layers = np.empty((LAYERS, int(wide) + margin, int(STEEPEST * wide) + margin))
     for k in range(guesses.size):

@@ -167,11 +167,10 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
         serve(session, port=options.port, browser=not options.no_browser)
     finally:
         session.close()
-    record = session.record()
-    if record is None:
+    if session.record is None:
         raise RefusedError(naming(films[0][0], str(session.refusal)))
     make_folder(outputs[0])
-    data_schemas.write(record, outputs[0], overwrite=options.force)
+    data_schemas.write(session.record, outputs[0], overwrite=options.force)
     print(outputs[0])
     return 0
 

@@ -8,16 +8,15 @@ were made.
 from __future__ import annotations
 
 import itertools
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError
-from data_schemas.film_edits import Break, FilmEdits, Follow, Ignore, Mark, Mask, NoMark
+from data_schemas.film_edits import Break, Edit, FilmEdits, Follow, Ignore, Mark, Mask, NoMark
 from pipeline.film.marks.alignment import Alignment, Events
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.search import Gaps
@@ -55,8 +54,11 @@ class Placed:
     def hide(self, darkness: NDArray[np.float32], first: int) -> NDArray[np.float32]:
         """The same rows from `first` on, NaN where nothing is to be read."""
         for corners in self.masks:
-            if corners[:, 0].max() > first and corners[:, 0].min() < first + len(darkness):
-                darkness[drawn(corners, first, darkness.shape)] = np.nan
+            low = np.clip(np.floor(corners.min(axis=0) - [first, 0]).astype(int), 0, darkness.shape)
+            high = np.clip(np.ceil(corners.max(axis=0) - [first, 0]).astype(int) + 1, 0, darkness.shape)
+            rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]] + 0.5  # pixels' centres
+            inside = contains(corners, rows + first, columns)
+            darkness[low[0] : high[0], low[1] : high[1]][inside] = np.nan
         return darkness
 
     def hides(self, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
@@ -125,7 +127,7 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
     """
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")
-    found: dict[type, list[Any]] = defaultdict(list)
+    placed: list[tuple[int, Edit]] = []  # with the trace that is meant
     for at, each in enumerate(edits.edits):
         points = each.points if isinstance(each, Mask | Follow) else []
         for row, column in [(each.row, 0.0)] if isinstance(each, Mark | NoMark | Break) else points:
@@ -137,35 +139,20 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
         number = getattr(each, "trace", 1)
         if number > order.size:
             raise RecordError(f"edits[{at}]: there is no trace {number}; the film shows {order.size}")
-        trace, placed = int(order[number - 1]), found[type(each)]
-        match each:
-            case Mask():
-                placed.append(np.array(points, dtype=np.float64))
-            case Follow():
-                placed.append((trace, np.array(points, dtype=np.float64)))
-            case Ignore():
-                placed.append((trace, each.first_row or 0.0, scan.rows if each.last_row is None else each.last_row))
-            case Mark():
-                seconds = each.seconds(start)
-                placed.append((each.row, trace, np.nan if seconds is None else seconds))
-            case NoMark():
-                placed.append((each.row, trace))
-            case Break():
-                placed.append(each.row)
-    there, cleared = (np.array(found[kind], dtype=np.float64) for kind in (Mark, NoMark))
-    marks = MarkEdits(there.reshape(-1, 3), cleared.reshape(-1, 2), np.array(found[Break]))
-    left_out = frozenset(trace for trace, first, last in found[Ignore] if first <= 0.0 and last >= scan.rows)
-    return Placed(edits, found[Mask], found[Follow], found[Ignore], left_out, marks)
-
-
-def drawn(corners: Floats, first: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which pixels of rows from `first` on have their centres in a polygon, or in the rectangle of two corners."""
-    out = np.zeros(shape[:2], dtype=bool)
-    low = np.clip(np.floor(corners.min(axis=0) - [first, 0]).astype(int), 0, shape[:2])
-    high = np.clip(np.ceil(corners.max(axis=0) - [first, 0]).astype(int) + 1, 0, shape[:2])
-    rows, columns = np.mgrid[low[0] : high[0], low[1] : high[1]] + 0.5
-    out[low[0] : high[0], low[1] : high[1]] = contains(corners, rows + first, columns)
-    return out
+        placed.append((int(order[number - 1]), each))
+    masks = [np.array(each.points, dtype=np.float64) for _, each in placed if isinstance(each, Mask)]
+    lines = [(trace, np.array(each.points, dtype=np.float64)) for trace, each in placed if isinstance(each, Follow)]
+    ignored = [
+        (trace, each.first_row or 0.0, scan.rows if each.last_row is None else each.last_row)
+        for trace, each in placed
+        if isinstance(each, Ignore)
+    ]
+    left_out = frozenset(trace for trace, first, last in ignored if first <= 0.0 and last >= scan.rows)
+    there = [(each.row, trace, each.seconds(start)) for trace, each in placed if isinstance(each, Mark)]  # None: NaN
+    cleared = [(each.row, trace) for trace, each in placed if isinstance(each, NoMark)]
+    breaks = np.array([each.row for _, each in placed if isinstance(each, Break)])
+    marks = MarkEdits(np.array(there, float).reshape(-1, 3), np.array(cleared, float).reshape(-1, 2), breaks)
+    return Placed(edits, masks, lines, ignored, left_out, marks)
 
 
 def contains(corners: Floats, rows: Floats, columns: Floats) -> NDArray[np.bool_]:

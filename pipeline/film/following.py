@@ -92,10 +92,8 @@ class FilmTraces:
             if isinstance(search, RefusedError):
                 raise search
             return axis_of(search, self.tracks, marking, self.placed.marks)
-        except TimeReversedError:
-            raise
         except RefusedError as fault:
-            if marking.kind is not None:
+            if marking.kind is not None or isinstance(fault, TimeReversedError):
                 raise
             across = self.film.blank.across
             try:
@@ -162,31 +160,25 @@ def find_time(
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")
 
-    def timed(scan: OpenScan, dense: bool) -> tuple[FilmTraces, TimeAxis | RefusedError]:
-        traces = follow_film(scan, known, dense, jobs, progress)
+    def timed(scan: OpenScan, dense: bool, turned: bool = False) -> tuple[FilmTraces | None, TimeAxis | RefusedError]:
+        traces = None
         try:
+            traces = follow_film(scan, known, dense, jobs, progress)
             traces = traces if edits is None else traces.edited(edits, known, jobs)
             return traces, traces.axis(known, jobs)
-        except TimeReversedError:
-            raise
         except RefusedError as fault:
-            return traces, fault
+            again = isinstance(fault, TimeReversedError) and not turned
+            return timed(scan.upside_down(), dense, turned=True) if again else (traces, fault)
 
     faults: list[RefusedError] = []
     first: FilmTraces | None = None
     for dense in ways_to_follow(reading, known.marking(scan.scale).speed):
-        try:
-            try:
-                traces, axis = timed(scan, dense)
-            except TimeReversedError:
-                traces, axis = timed(scan.upside_down(), dense)
-        except RefusedError as fault:
-            faults.append(fault)
-            continue
-        if not isinstance(axis, RefusedError):
+        traces, axis = timed(scan, dense)
+        if isinstance(axis, RefusedError):
+            faults.append(axis)
+            first = first or traces
+        elif traces is not None:
             return traces, axis
-        faults.append(axis)
-        first = first or traces
     cause = cause_in(scan)
     refusal = faults[0] if cause is None else RefusedError(f"{cause} ({faults[0]})")
     if first is None:

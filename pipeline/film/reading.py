@@ -54,13 +54,7 @@ class Reading:
         if not inside.any():
             shown = " to ".join(f"{each:.1f}" for each in samples.time[[0, -1]])
             raise UsageError(f"nothing was read from {start:g} to {stop:g} s; the film shows {shown} s")
-        time, column, sigma = samples.time[inside], samples.column[:, inside], samples.sigma[:, inside]
-        return replace(self, samples=Samples(time, column, sigma, samples.qc[:, inside]))
-
-    @property
-    def accepted_fraction(self) -> float:
-        """As of `accepted_fraction`."""
-        return accepted_fraction(self.tracks, self.axis)
+        return replace(self, samples=Samples(*(each[..., inside] for each in vars(samples).values())))
 
     @property
     def marks(self) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.knowledge import Known, default_traces
 from pipeline.film.parts import Floats
-from pipeline.film.reading import Reading
+from pipeline.film.reading import Reading, accepted_fraction
 from pipeline.film.wander import Paper, paper_motion
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
     found: dict[str, Any] = {
         "reading": reading.kind,
         "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
-        "accepted_fraction": reading.accepted_fraction,
+        "accepted_fraction": accepted_fraction(reading.tracks, reading.axis),
         "marks_found": int(reading.marks.size),
         "skew": float(np.degrees(np.arctan(axis.shear))),
         "time_sigma": axis.time_sigma,

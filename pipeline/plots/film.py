@@ -196,12 +196,12 @@ def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
 
 
 def _subtitle(reading: Reading) -> str:
-    from pipeline.film.reading import share_read
+    from pipeline.film.reading import accepted_fraction, share_read
 
     named = ", ".join(path.name for path in reading.scan.paths)
     raised = ", ".join(reading.flags) or "no flags"
     missing = float(np.isnan(reading.samples.column).mean())
-    part = share_read(reading.kind, reading.accepted_fraction, missing)
+    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
     return f"{named} · {part} · {reading.marks.size} marks · {reading.kind} reading · {raised}"
 
 

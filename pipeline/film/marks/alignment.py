@@ -127,14 +127,15 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
             last.append(at)
         else:
             groups.append([at])
-    member, values = np.full((traces, len(groups)), -1, dtype=np.int64), np.empty((4, len(groups)))
+    member, event = np.full((traces, len(groups)), -1, dtype=np.int64), np.empty(gaps.size, dtype=np.int64)
     for k, group in enumerate(groups):
-        member[gaps.trace[group], k] = group
-        for m, (each, sigma) in enumerate(((rows, gaps.row_sigma), (gaps.width, gaps.width_sigma))):
-            weight = sigma[group] ** -2.0
-            values[2 * m : 2 * m + 2, k] = weight @ each[group] / weight.sum(), weight.sum() ** -0.5
+        member[gaps.trace[group], k], event[group] = group, k
+    values: list[Floats] = []
+    for each, sigma in ((rows, gaps.row_sigma), (gaps.width, gaps.width_sigma)):
+        total = np.bincount(event, sigma**-2.0)
+        values += [np.bincount(event, sigma**-2.0 * each) / total, np.power(total, -0.5)]
     order = np.argsort(values[0], kind="stable")
-    row, row_sigma, wide, wide_sigma = values[:, order]
+    row, row_sigma, wide, wide_sigma = (each[order] for each in values)
     return Events(row, row_sigma, wide, wide_sigma, member[:, order])
 
 
@@ -174,13 +175,9 @@ def lasting(rows: Floats, paper: Drive) -> float:
     NaN = missing.
     """
     residual = np.where(paper.used, rows - paper.row, np.nan)
-    products = []
-    for one, other in itertools.combinations(residual, 2):
-        apart = one - other
-        for lag in range(1, LAGS + 1):
-            both = apart[lag:] * apart[:-lag]
-            products.append(both[np.isfinite(both)])
-    several = [each for each in products if each.size >= ENOUGH_PAIRS]
+    apart = [one - other for one, other in itertools.combinations(residual, 2)]
+    products = [each[lag:] * each[:-lag] for each in apart for lag in range(1, LAGS + 1)]
+    several = [known for each in products if (known := each[np.isfinite(each)]).size >= ENOUGH_PAIRS]
     if not several:
         return SHARED * paper.model.floor
     together = np.concatenate(several)

@@ -28,16 +28,17 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
     for trace, member in enumerate(counted.events.member[:, count.event]):
         at, gap = count.index[member >= 0], member[member >= 0]
         row[trace, at], sigma[trace, at], column[trace, at] = gaps.row[gap], gaps.row_sigma[gap], gaps.column[gap]
-    offset, shear, unsure = alignment.offset, alignment.shear, 0.0
+    offset, shear, step = alignment.offset, alignment.shear, marking.interval
     jumps = count.index[np.searchsorted(counted.events.row[count.event], [each.row for each in counted.stands])]
     freed = row - offset[: len(row), None] - shear * column
     jumps = np.union1d(jumps, slips(freed)) if across is None else jumps
-    paper = drive(freed, sigma, marking.interval, jumps=jumps)
-    for _ in range(ROUNDS if across is None else 0):
-        offset, shear, unsure = refined(row, sigma, column, paper)
-        freed = row - offset[:, None] - shear * column
-        paper = drive(freed, sigma, marking.interval, paper, jumps=jumps)
-    if across is not None:
+    paper = drive(freed, sigma, step, jumps=jumps)
+    if across is None:
+        for _ in range(ROUNDS):
+            offset, shear, unsure = refined(row, sigma, column, paper)
+            freed = row - offset[:, None] - shear * column
+            paper = drive(freed, sigma, step, paper, jumps=jumps)
+    else:
         unsure = across.shear_sigma * float(np.nanstd(tracks.course - np.nanmean(tracks.course, axis=1)[:, None]))
     paper = honest_gaps(freed, sigma, paper)
     shift = -(minutes.residue or 0) % minutes.cycle if counted.clock is None else counted.clock
@@ -53,14 +54,12 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
         shear=shear,
         offset=offset,
         row_of_trace=row[:, seen] if across is None else np.full((len(tracks.course), seen.size), np.nan),
-        interval=marking.interval,
-        seconds=seconds + shift * marking.interval,
+        interval=step,
+        seconds=seconds + shift * step,
         seconds_sigma=seconds_sigma,
         flags=_flags(counted, seen.size, marking.directed, across is not None),
         rate_sigma=float(np.sqrt(np.mean(relative))),
-        doubts=tuple(
-            ((a + shift) * marking.interval, (b + shift) * marking.interval, by) for a, b, by in counted.doubts
-        ),
+        doubts=tuple(((a + shift) * step, (b + shift) * step, by) for a, b, by in counted.doubts),
         kind="gaps" if across is None else across.kind,
         mark_sigma=_mark_sigma(freed, sigma, paper, hidden),
     )

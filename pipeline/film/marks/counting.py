@@ -60,10 +60,6 @@ class Swings(NamedTuple):
     sigma: Floats  # (traces,), 1 sigma of a phase
     lost: Floats  # (events,), rows before each event on which no trace is followed
 
-    def at(self, which: slice | NDArray[np.int64]) -> Swings:
-        """At some of the events."""
-        return self._replace(phase=self.phase[:, which], extra=self.extra[:, which], lost=self.lost[which])
-
     @property
     def centred(self) -> Floats:
         """Phases that were not carried there; NaN for others."""
@@ -135,17 +131,17 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
     return out, extra
 
 
-def jumps(index: Floats, swings: Swings) -> Floats:
-    """Jump of the pendulums' phase at each mark of number `index`, the smallest of all traces, rad; NaN = unknown."""
-    out = np.full((len(swings.phase), index.size), np.inf)
-    for trace, (phase, advance) in enumerate(zip(swings.centred, swings.advance, strict=True)):
+def jumps(count: Count, swings: Swings) -> Floats:
+    """Jump of the pendulums' phase at each mark, the smallest of all traces, rad; 0 where it is not known."""
+    index, out = count.index, np.full((len(swings.phase), count.index.size), np.inf)
+    for trace, (phase, advance) in enumerate(zip(swings.centred[:, count.event], swings.advance, strict=True)):
         known = np.flatnonzero(np.isfinite(phase) & np.isfinite(advance))
         if known.size >= 2 * NEAR:
             turned = np.exp(1j * (phase[known] - advance * index[known]))
             sums = np.convolve(turned, np.ones(NEAR), "valid")  # of NEAR marks, by their first
             out[trace, known[NEAR : known.size - NEAR + 1]] = np.abs(np.angle(sums[NEAR:] * np.conj(sums[:-NEAR])))
     least = out.min(axis=0)
-    return np.where(np.isfinite(least), least, np.nan)
+    return np.where(np.isfinite(least), least, 0.0)
 
 
 class Steps(NamedTuple):

@@ -35,16 +35,6 @@ Lines = tuple[tuple[float, float, float], ...]
 NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
-class Motion(NamedTuple):
-    """The paper's motion from mark to mark, for the filter: n numbers make its state."""
-
-    step: Floats  # (n, n), from one mark to the next
-    noise: Floats  # (n, n), the same
-    sees: Floats  # (n,), what of the state a row is the sum of
-    start: Floats  # (n,), before the first mark is seen
-    variance: Floats  # (n, n), the same
-
-
 class Model(NamedTuple):
     """Parameters of the paper's motion."""
 
@@ -153,23 +143,23 @@ def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64
     rough, shake = np.exp(2.0 * model.roughness), np.exp(2.0 * model.shake)
     walk = rough * np.array([[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]])
     walk[:2, :2] += shake * np.array([[h**3 / 3, h**2 / 2], [h**2 / 2, h]])
-    step, noise = [np.array([[1.0, h, 0.5 * h**2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])], [walk]
+    steps, noise = [np.array([[1.0, h, 0.5 * h**2], [0.0, 1.0, h], [0.0, 0.0, 1.0]])], [walk]
     before = [np.diag([(0.5 * pace) ** 2 + 1.0, (0.2 * pace) ** 2, (0.1 * pace) ** 2])]
     paths = [np.eye(3)]  # of row, speed and acceleration, what of the state each is the sum of
     for turn, size, coherence in model.lines:
         decay, cos, sin = np.exp(-h / coherence), np.cos(turn * h), np.sin(turn * h)
-        step.append(decay * np.array([[cos, sin], [-sin, cos]]))
+        steps.append(decay * np.array([[cos, sin], [-sin, cos]]))
         noise.append(0.5 * size**2 * (1.0 - decay**2) * np.eye(2))
         before.append(size**2 * np.eye(2))
         paths.append(np.array([[1.0, 0.0], [0.0, turn], [-(turn**2), 0.0]]))
-    sees = np.hstack(paths)
+    sees, step = np.hstack(paths), block_diag(*steps)
     start = np.zeros(sees.shape[1])
     start[:2] = first - known[0] * h * pace, pace
-    motion = Motion(block_diag(*step), block_diag(*noise), sees[0], start, block_diag(*before))
-    seen = np.where(used.any(axis=0), mean, np.nan)
-    likelihood, state, spread, ahead, ahead_spread = filter_drive(motion, seen, together, stood)
+    begin = start, block_diag(*before)
+    mean[~used.any(axis=0)] = np.nan
+    likelihood, state, spread, *ahead = filter_drive(step, block_diag(*noise), sees[0], begin, mean, together, stood)
     if smooth:
-        smooth_drive(motion.step, state, spread, ahead, ahead_spread)
+        smooth_drive(step, state, spread, *ahead)
     row_sigma, speed_sigma = np.sqrt(np.maximum(np.einsum("pi,kij,pj->pk", sees[:2], spread, sees[:2]), 0.0))
     row, speed, acceleration = sees @ state.T
     return Drive(model, row, speed, acceleration, row_sigma, speed_sigma, used, jumps, likelihood + float(apart))
@@ -233,19 +223,21 @@ def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
 
 @kernel
 def filter_drive(
-    motion: Motion, rows: Floats, variance: Floats, stood: Floats
-) -> tuple[float, Floats, Floats, Floats, Floats]:
+    step: Floats, noise: Floats, sees: Floats, begin: tuple[Floats, Floats],
+    rows: Floats, variance: Floats, stood: Floats,
+) -> tuple[float, Floats, Floats, Floats, Floats]:  # fmt: skip
     """Kalman filter forward over marks, with the variance of each; NaN = missing.
 
-    `stood` is the row's variance from the paper's having stood before a mark. The results are -2 log likelihood, and
-    state and covariance, (marks, n) and (marks, n, n), after each mark is seen, and before.
+    From mark to mark the state (n,) goes on by `step` (n, n) with the covariance `noise`; `begin` is state and
+    covariance at the first; `sees` (n,) makes a row of it. `stood` is the row's variance from the paper's having stood
+    before a mark. The results are -2 log likelihood, and state and covariance, (marks, n) and (marks, n, n), after each
+    mark is seen, and before.
     """
-    step, noise, sees, start, start_variance = motion
-    marks, n = rows.size, start.size
+    marks, n = rows.size, sees.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))
     spread, ahead_spread = np.empty((marks, n, n)), np.empty((marks, n, n))
-    x, p, back = start, start_variance, np.ascontiguousarray(step.T)
-    likelihood = 0.0
+    x, p = begin
+    back, likelihood = np.ascontiguousarray(step.T), 0.0
     for k in range(marks):
         if k > 0:
             x, p = step @ x, step @ p @ back + noise

@@ -115,8 +115,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
 
     if np.mean([show(*piece) for piece in sections(rows)]) < MOSTLY:
         return None
-    found = _lined(darkness, groups, rows)
-    return None if found is None else found.cleared()
+    return _lined(darkness, groups, rows)
 
 
 def ticks(light: Light, rows: int, free: Rows) -> Lines:
@@ -192,7 +191,7 @@ def _lined(light: Light, groups: Rows, rows: int) -> Lines | None:
     common, noise = np.median(slanted(shear)[alike], axis=0), noise_of(shifted[alike], int(alike.sum()))
     sign = shown(common, noise)
     kind = "dark-lines" if sign > 0 else "bright-lines"
-    return Lines(kind, sign * common, sign * common, noise, shear, error) if sign else None
+    return Lines(kind, sign * common, sign * common, noise, shear, error).cleared() if sign else None
 
 
 def fitted(lines: Lines) -> Gaps:

@@ -97,14 +97,23 @@ def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
             late, early = _coded(place, after, cycle), _coded(place, -after, cycle)
         else:
             after = _commonest_fraction(place, cycle)
-            ahead, behind = _coded(place, after, cycle), _coded(place, after - 1.0, cycle)
-            late, early = (ahead, early) if after < 0.5 else (late, behind)
+            found = _coded(place, after if after < 0.5 else after - 1.0, cycle)
+            late, early = (found, early) if after < 0.5 else (late, found)
         enough = max(LEAST, SHARE * spread * 0.5)
         if marking.minute_code and place.size == 1 and spread < LONELY:
             enough = 1  # where the code is known and no gap on the film is a false one, one code is no chance
         against = (late if marking.minute_code else early).against
         if early.seen >= enough and early.seen > late.seen + 2 * against:
-            raise _upside_down(early.seen, late.seen, marking.directed)
+            told = f"({early.seen} of its second marks come before the minute's mark, {late.seen} after it)"
+            if marking.directed:
+                raise RefusedError(
+                    f"film: with the --orientation given, the minute code reads backwards {told}; "
+                    "leave it out, state the code's delay, or say --marks none"
+                )
+            raise TimeReversedError(
+                f"film: the minute code reads backwards {told}: the film lies upside down; "
+                "turn the scan by 180 degrees, or state the code's delay"
+            )
         if late.seen >= enough:
             return late
     width, sigma = events.width[count.event], events.width_sigma[count.event]
@@ -123,20 +132,6 @@ def _coded(place: Floats, after: float, cycle: int) -> Minutes:
     number = number[np.abs(place - after - number) < TOLERANCE]
     tally = np.bincount(np.mod(number, cycle).astype(np.int64), minlength=cycle)
     return Minutes("double", number, cycle, int(np.argmax(tally)))
-
-
-def _upside_down(early: int, late: int, directed: bool) -> RefusedError:
-    """The refusal of a film whose codes come before the minutes' marks; `directed`: how time runs was stated."""
-    backwards = f"({early} of its second marks come before the minute's mark, {late} after it)"
-    if directed:
-        return RefusedError(
-            f"film: with the --orientation given, the minute code reads backwards {backwards}; "
-            "leave it out, state the code's delay, or say --marks none"
-        )
-    return TimeReversedError(
-        f"film: the minute code reads backwards {backwards}: the film lies upside down; "
-        "turn the scan by 180 degrees, or state the code's delay"
-    )
 
 
 def _repeats(index: NDArray[np.int64], cycle: int, spread: float, stated: bool) -> bool:

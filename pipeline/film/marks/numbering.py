@@ -83,25 +83,14 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
         minutes = find_minutes(events, count, marking)
     check(minutes, events, count, swings)
     first, last = events.row[count.event[[0, -1]]]
-    shift = clock.offset(events, count, spacing)
-    return Counted(
-        gaps,
-        events,
-        count,
-        minutes,
-        alignment,
-        stands=[each for each in stands if first < each.row < last],
-        whole=count.index.size == every.index.size,
-        doubts=doubts(
-            minutes, count, marking.interval, swings.advance, shown=any(each is not None for each in search.bars)
-        )
-        if minutes.against > DISAGREE * minutes.seen
-        else [],
-        clock=shift,
-        contradicted=bool(
-            shift is not None and minutes.residue is not None and (shift + minutes.residue) % minutes.cycle
-        ),
-    )
+    inside = [each for each in stands if first < each.row < last]
+    doubted: list[tuple[float, float, float]] = []
+    if minutes.against > DISAGREE * minutes.seen:
+        shown = any(each is not None for each in search.bars)
+        doubted = doubts(minutes, count, marking.interval, swings.advance, shown=shown)
+    shift, whole, full = clock.offset(events, count, spacing), count.index.size == every.index.size, minutes.residue
+    contradicted = shift is not None and full is not None and (shift + full) % minutes.cycle != 0
+    return Counted(gaps, events, count, minutes, alignment, inside, whole, doubted, shift, contradicted)
 
 
 def count_over_stands(
@@ -181,7 +170,7 @@ def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> Non
             f"film: {minutes.against} of {minutes.seen + minutes.against} minute codes are out of step with the count "
             "of marks; cut the film where marks are missing and read the parts one by one"
         )
-    jump = np.nan_to_num(jumps(count.index.astype(np.float64), swings.at(count.event)))
+    jump = jumps(count, swings)
     worst = int(np.argmax(jump))
     if jump[worst] > JUMP:
         raise RefusedError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future
+from itertools import islice
 from typing import Any, TypeVar
 
 import numpy as np
@@ -38,18 +38,15 @@ def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    coming: deque[Future[Result]] = deque()
+    waiting = iter(items)
     with ThreadPoolExecutor(jobs) as pool:
+        coming = deque(pool.submit(work, item) for item in islice(waiting, jobs + 1))
         try:
-            for item in items:
-                coming.append(pool.submit(work, item))
-                if len(coming) > jobs:
-                    yield coming.popleft().result()
             while coming:
                 yield coming.popleft().result()
+                coming.extend(pool.submit(work, item) for item in islice(waiting, 1))
         finally:
-            for begun in coming:
-                begun.cancel()
+            pool.shutdown(cancel_futures=True)
 
 
 def over_pieces(

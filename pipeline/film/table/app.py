@@ -13,12 +13,12 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
-from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
+from starlette.middleware.base import BaseHTTPMiddleware, RequestResponseEndpoint
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 from data_schemas.errors import IsochronyError
 from pipeline.flag_words import FLAGS, told
@@ -30,7 +30,6 @@ _MOST_BYTES = 2**20  # of what is posted: an edit has some hundreds
 _MOST_ROWS = 10_000  # of an overlay
 _TILE = 512  # px
 _HERE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.IGNORECASE)  # any port: tunnels map them
-_PAGE = ("page.html", "page.css", "page.svg", "page.js", "panels.js", "film.js", "axis.js", "ask.js")
 _KINDS = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 _HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -169,12 +168,10 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
 
     `begin` is called when the first request may come, and Ctrl-C is heeded.
     """
-    folder = Path(__file__).parent
-    page = {name: (folder / name).read_text(encoding="utf-8").replace("TOKEN", token) for name in _PAGE}
 
-    def static(name: str) -> Route:
-        path = "/" if name == "page.html" else f"/{name}"
-        return Route(path, lambda _: Response(page[name], media_type=_KINDS[Path(name).suffix]))
+    def static(path: Path) -> Route:
+        text, kind = path.read_text(encoding="utf-8").replace("TOKEN", token), _KINDS[path.suffix]
+        return Route("/" if kind == "text/html" else f"/{path.name}", lambda _: Response(text, media_type=kind))
 
     def line(_: Request, fault: Exception) -> Response:
         if isinstance(fault, HTTPException):
@@ -186,21 +183,7 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
         begin()
         yield
 
-    routes, faults = [*map(static, _PAGE), *desk.routes()], {HTTPException: line, IsochronyError: line}
-    app = Starlette(routes=routes, exception_handlers=faults, lifespan=begun)
-
-    async def guard(scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "lifespan":
-            return await app(scope, receive, send)
-
-        async def told_more(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                headers.update(_HEADERS)
-                headers.setdefault("Cache-Control", "no-store")
-            await send(message)
-
-        request = Request(scope, receive)
+    async def guard(request: Request, answer: RequestResponseEndpoint) -> Response:
         host, origin = request.headers.get("host", ""), request.headers.get("origin", "http://localhost")
         given = request.headers.get("x-token") or (request.method == "GET" and request.query_params.get("token")) or ""
         try:
@@ -212,8 +195,14 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
                 raise HTTPException(403, "the token is missing or wrong: open the address that isochrony printed")
             if request.method == "POST":
                 request.state.content = await _content(request)
+            response = await answer(request)
         except HTTPException as fault:
-            return await line(request, fault)(scope, receive, told_more)
-        return await app(scope, receive, told_more)
+            response = line(request, fault)
+        response.headers.update(_HEADERS)
+        response.headers.setdefault("Cache-Control", "no-store")
+        return response
 
-    return guard
+    page = [static(path) for path in Path(__file__).parent.iterdir() if path.suffix in _KINDS]
+    faults = {HTTPException: line, IsochronyError: line}
+    app = Starlette(routes=[*page, *desk.routes()], exception_handlers=faults, lifespan=begun)
+    return BaseHTTPMiddleware(app, guard)

@@ -15,12 +15,11 @@ G_MGAL = 9.81e5
 MOST = 200
 APART = 3  # swings, within which places are one
 WRONG = 1.0  # spots, by which an ambiguous reading may be wrong
-LEAST = {"lost": 0.5, "ambiguous": 0.1, "outlier": 0.5, "saturated": 0.5}  # swings, shorter places are not told
-WORDS = {
-    "lost": "trace not followed",
-    "ambiguous": "two ways along the film disagree",
-    "outlier": "readings do not fit",
-    "saturated": "too dark to read",
+TOLD = {  # flags of the record: words for them, and the least length that is told, swings
+    "lost": ("trace not followed", 0.5),
+    "ambiguous": ("two ways along the film disagree", 0.1),
+    "outlier": ("readings do not fit", 0.5),
+    "saturated": ("too dark to read", 0.5),
 }
 
 
@@ -62,11 +61,11 @@ def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, 
     rate = 2.0 * np.pi / tracks.rows_per_swing * float(axis.seconds.size - 1) / max(seconds[-1] - seconds[0], 1e-9)
     for trace, qc in enumerate(tracks.qc):
         size = 0.5 * float(np.ptp(np.nanpercentile(tracks.course[trace], (2, 98))))
-        for name, words in WORDS.items():
+        for name, (words, least) in TOLD.items():
             which = ((qc & ELONGATION_FLAGS[name]) > 0) & np.isfinite(axis.seconds)
             for first, last in _runs(which, APART * tracks.rows_per_swing if name != "lost" else 1.0):
                 length = float(seconds[last] - seconds[first])
-                if length * rate / (2.0 * np.pi) < LEAST[name]:
+                if length * rate / (2.0 * np.pi) < least:
                     continue
                 middle = 0.5 * float(seconds[first] + seconds[last]) - 0.5 * (begin + end)
                 phase = WRONG * tracks.spot / max(size, tracks.spot) * float(which[first : last + 1].mean())

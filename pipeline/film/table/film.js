@@ -122,25 +122,19 @@ function sized(element, context) {
   context.setTransform(scale, 0, 0, scale, 0, 0);
   context.clearRect(0, 0, element.clientWidth, element.clientHeight);
 }
-function stroke(path, ink, width, halo = "#fffb") {
+function stroke(path, ink, width, { halo = "#fffb", dash = [] } = {}) {
+  pen.setLineDash(dash);
   for (const [style, wide] of [[halo, width + 2.5], [ink, width]]) {
     pen.strokeStyle = style;
     pen.lineWidth = wide;
     pen.stroke(path);
   }
+  pen.setLineDash([]);
 }
-function polygon(points) {
-  const path = new Path2D();
-  points.forEach(([row, column]) => path.lineTo(...toScreen(row, column)));
-  return path;
-}
+const polygon = (points) => new Path2D(`M${points.map((point) => toScreen(...point).join(" ")).join("L")}`);
 const corners = ([[a, b], [c, d]]) => [[a, b], [a, d], [c, d], [c, b], [a, b]];
-const level = (row, from = toScreen(0, 0)[0], to = toScreen(0, shown.state.columns)[0]) => {
-  const y = toScreen(row, 0)[1], path = new Path2D();
-  path.moveTo(from, y);
-  path.lineTo(to, y);
-  return path;
-};
+const level = (row, from = toScreen(0, 0)[0], to = toScreen(0, shown.state.columns)[0]) =>
+  new Path2D(`M${from} ${toScreen(row, 0)[1]}H${to}`);
 
 function draw() {
   const { rows } = shown.state, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -158,7 +152,7 @@ function draw() {
   drawTiles();
   if (!shown.bare) drawReading();
   if (!shown.bare) shown.state.edits.forEach(drawEdit);
-  if (shown.doubt) drawDoubt();
+  for (const row of shown.doubt ? [shown.doubt.first_row, shown.doubt.last_row] : []) stroke(level(row), "#a85b00", 2, { dash: [2, 5] });
   if (shown.sketch) drawSketch();
   pen.restore();
   drawRuler(first, last);
@@ -171,7 +165,7 @@ function draw() {
 
 function drawTiles() {
   const { rows, columns, levels } = shown.state, scale = devicePixelRatio;
-  const down = clamp(Math.floor(-Math.log2(view.zoom * scale) + 0.01), 0, levels - 1), size = TILE * 2 ** down;
+  const finest = clamp(Math.floor(-Math.log2(view.zoom * scale) + 0.01), 0, levels - 1);
   const [top, left] = toFilm(RULER, 0), [bottom, right] = toFilm(canvas.clientWidth, canvas.clientHeight);
   const [x0, y0] = toScreen(0, 0);
   pen.save();
@@ -181,20 +175,18 @@ function drawTiles() {
   pen.imageSmoothingEnabled = view.zoom < 3;
   wanted = [];
   const whole = (value) => Math.round(value * scale) / scale;
-  for (let i = Math.max(0, Math.floor(top / size)); i * size < Math.min(bottom, rows); i++) {
-    for (let j = Math.max(0, Math.floor(left / size)); j * size < Math.min(right, columns); j++) {
-      if (!tiles.has(`${down}/${i}/${j}`)) wanted.push(`${down}/${i}/${j}`);
-      for (let up = 0; down + up < levels; up++) { // where it is not there yet, a part of a coarser one
-        const key = `${down + up}/${i >> up}/${j >> up}`, image = tiles.get(key);
+  for (let level = levels - 1; level >= finest; level--) { // coarser tiles first: they show where a finer one is not there yet
+    const size = TILE * 2 ** level, unit = size * view.zoom;
+    for (let i = Math.max(0, Math.floor(top / size)); i * size < Math.min(bottom, rows); i++) {
+      for (let j = Math.max(0, Math.floor(left / size)); j * size < Math.min(right, columns); j++) {
+        const key = `${level}/${i}/${j}`, image = tiles.get(key);
+        if (!image && level === finest) wanted.push(key);
         if (!image) continue;
         tiles.delete(key);
         tiles.set(key, image); // lately used ones last
-        const part = TILE / 2 ** up, x = whole(x0 + j * size * view.zoom), y = whole(y0 + i * size * view.zoom);
-        const fromX = (j % 2 ** up) * part, fromY = (i % 2 ** up) * part;
-        const wide = Math.min(part, image.width - fromX), high = Math.min(part, image.height - fromY);
-        const toX = whole(x0 + (j + wide / part) * size * view.zoom), toY = whole(y0 + (i + high / part) * size * view.zoom);
-        if (wide > 0 && high > 0) pen.drawImage(image, fromX, fromY, wide, high, x, y, toX - x, toY - y);
-        break;
+        const x = whole(x0 + j * unit), toX = whole(x0 + (j + image.width / TILE) * unit);
+        const y = whole(y0 + i * unit), toY = whole(y0 + (i + image.height / TILE) * unit);
+        pen.drawImage(image, x, y, toX - x, toY - y);
       }
     }
   }
@@ -229,7 +221,7 @@ function drawReading() {
     mark.trace_rows.forEach((place, k) => {
       if (!place) return;
       const [x] = toScreen(...place), half = (mark.minute ? 16 : 9) * clamp(2 * view.zoom, 0.4, 1);
-      stroke(level(place[0], x - half, x + half), colour(k + 1), mark.minute ? 3.5 : 2, "#fff");
+      stroke(level(place[0], x - half, x + half), colour(k + 1), mark.minute ? 3.5 : 2, { halo: "#fff" });
     });
   }
 }
@@ -260,9 +252,7 @@ function dots(points, ink) {
 const DRAWN = {
   mask: ({ points }) => hatched(polygon(points.length === 2 ? corners(points) : [...points, points[0]])),
   follow({ points, trace }) {
-    pen.setLineDash([7, 4]);
-    stroke(polygon(points), colour(trace), 2);
-    pen.setLineDash([]);
+    stroke(polygon(points), colour(trace), 2, { dash: [7, 4] });
     dots(points, colour(trace));
   },
   mark({ row, trace }) {
@@ -271,15 +261,10 @@ const DRAWN = {
     stroke(path, colour(trace), 1.5);
   },
   "no-mark"({ row, trace }) {
-    const [x, y] = toScreen(row, columnAt(trace, row) ?? 0), path = new Path2D("M-6-6 6 6M-6 6 6-6"), moved = new Path2D();
-    moved.addPath(path, new DOMMatrix([1, 0, 0, 1, x, y]));
-    stroke(moved, "#8a1c1c", 2);
+    const [x, y] = toScreen(row, columnAt(trace, row) ?? 0);
+    stroke(new Path2D(`M${x - 6} ${y - 6}l12 12m-12 0 12-12`), "#8a1c1c", 2);
   },
-  break({ row }) {
-    pen.setLineDash([12, 6]);
-    stroke(level(row), "#8a1c1c", 2);
-    pen.setLineDash([]);
-  },
+  break: ({ row }) => stroke(level(row), "#8a1c1c", 2, { dash: [12, 6] }),
   ignore({ first_row, last_row, trace }) {
     const { rows, columns } = shown.state, from = (columns * (trace - 0.9)) / shown.state.traces.length;
     const box = [[first_row ?? 0, from], [last_row ?? rows, from + (0.8 * columns) / shown.state.traces.length]];
@@ -290,11 +275,6 @@ const DRAWN = {
 };
 const drawEdit = (edit) => DRAWN[edit.kind]?.({ trace: 1, ...edit });
 
-function drawDoubt() {
-  pen.setLineDash([2, 5]);
-  for (const row of [shown.doubt.first_row, shown.doubt.last_row]) stroke(level(row), "#a85b00", 2);
-  pen.setLineDash([]);
-}
 function drawSketch() {
   const { tool, points, cross, box, grabbed, trace } = shown.sketch, ink = tool === "mask" ? "#8a1c1c" : colour(trace);
   if (tool === "mask" && box) hatched(polygon(corners(box)));
@@ -304,10 +284,10 @@ function drawSketch() {
   dots(points, ink);
   if (grabbed) {
     const [x] = toScreen(grabbed.row, grabbed.column);
-    stroke(level(cross.row, x - 22, x + 22), colour(grabbed.trace), 3, "#fff");
+    stroke(level(cross.row, x - 22, x + 22), colour(grabbed.trace), 3, { halo: "#fff" });
   }
   const [x, y] = toScreen(cross.row, cross.column), path = new Path2D(`M${x - 17} ${y}h12m10 0h12M${x} ${y - 17}v12m0 10v12`);
-  stroke(path, "#111", 1.5, "#fff");
+  stroke(path, "#111", 1.5, { halo: "#fff" });
 }
 
 function drawRuler(first, last) {

@@ -44,24 +44,16 @@ function later() { // ask again, while another window edits or a better gravity 
   if (other || gravity.refining) timer = setTimeout(refresh, 1000);
 }
 const show = () => render(doubt, { visit, choose });
-async function times() {
-  try {
-    setAxis(await (await ask("times")).json());
-    show();
-  } catch (fault) {
-    refuse(fault.message);
-  }
-}
-async function refresh() {
+const attempt = (work) => () => work().catch((fault) => refuse(fault.message));
+const times = attempt(async () => {
+  setAxis(await (await ask("times")).json());
+  show();
+});
+const refresh = attempt(async () => {
   if (busy && !shown.state?.busy) return; // an edit of this window brings its own state
-  const turn = changes;
-  try {
-    const state = await (await ask("state")).json();
-    if (turn === changes) take(state); // otherwise it is of before a change
-  } catch (fault) {
-    refuse(fault.message);
-  }
-}
+  const turn = changes, state = await (await ask("state")).json();
+  if (turn === changes) take(state); // otherwise it is of before a change
+});
 async function change(path, content, words) {
   if (busy) return false;
   changes += 1;
@@ -269,15 +261,6 @@ const toggle = () => {
   film.soon();
 };
 const zoom = (by) => () => film.zoomBy(by);
-const KEYS = {
-  ArrowUp: move(0, -1), ArrowDown: move(0, 1), ArrowLeft: move(-1, 0), ArrowRight: move(1, 0),
-  PageUp: page(-1), PageDown: page(1), Home: () => film.go(0), End: () => film.go(shown.state.rows),
-  "+": zoom(1.25), "=": zoom(1.25), "-": zoom(0.8), 0: film.whole, o: toggle,
-  n: () => visit(doubt + 1), p: () => visit(doubt < 0 ? -1 : doubt - 1),
-  u: undo, r: redo, "Ctrl+z": undo, "Ctrl+y": redo, "Ctrl+Z": redo,
-  g: () => $("where").select(), t: () => tool === "mark" && $("time").select(), "?": () => $("help").showModal(), Escape: cancel,
-  ...Object.fromEntries(Object.entries(TOOLS).map(([name, [key]]) => [key, () => pick(name)])),
-};
 const ON_FILM = {
   Enter() {
     if (!tool) return;
@@ -286,6 +269,28 @@ const ON_FILM = {
   },
   Backspace() { if (points.pop()) { stepped = true; sketch(); } },
 };
+const meant = (hint) => hint.replace("trace N", "the chosen trace");
+const HELP = [ // keys as they are called, what they do, and how
+  ["\u2190 \u2191 \u2192 \u2193", "move over the film; with a tool, move the crosshair. Shift: bigger steps",
+    { ArrowUp: move(0, -1), ArrowDown: move(0, 1), ArrowLeft: move(-1, 0), ArrowRight: move(1, 0) }],
+  ["PageUp PageDown Home End", "a view up or down; begin, end of the film",
+    { PageUp: page(-1), PageDown: page(1), Home: () => film.go(0), End: () => film.go(shown.state.rows) }],
+  ["+ \u2212 0", "zoom; whole width. Mouse: wheel, Shift + wheel moves",
+    { "+": zoom(1.25), "=": zoom(1.25), "-": zoom(0.8), 0: film.whole }],
+  ["g", "go to a time or a row", { g: () => $("where").select() }],
+  ["n p", "next, previous doubtful place", { n: () => visit(doubt + 1), p: () => visit(doubt < 0 ? -1 : doubt - 1) }],
+  ["o", "reading on, off: compare with the bare film", { o: toggle }],
+  ["1 \u2026 9", "trace that is meant", Object.fromEntries([1, 2, 3, 4, 5, 6, 7, 8, 9].map((k) => [k, () => choose(k)]))],
+  ...Object.entries(TOOLS).map(([tool, [key, name, hint]]) => [key, `${name}. ${meant(hint)}`, { [key]: () => pick(tool) }]),
+  ["Enter", "click at the crosshair; once more at the same place: finish"],
+  ["Backspace", "remove the last point"],
+  ["t", "clock time of a mark", { t: () => tool === "mark" && $("time").select() }],
+  ["Esc", "cancel; close a message; from a field back to the film", { Escape: cancel }],
+  ["u Ctrl+Z", "undo", { u: undo, "Ctrl+z": undo }],
+  ["r Ctrl+Y", "redo", { r: redo, "Ctrl+y": redo, "Ctrl+Z": redo }],
+  ["?", "these keys", { "?": () => $("help").showModal() }],
+];
+const KEYS = Object.assign({}, ...HELP.map(([, , keys]) => keys));
 document.addEventListener("keydown", (event) => {
   if (event.altKey || $("help").open || !shown.state) return;
   if (event.target.matches("input")) {
@@ -296,30 +301,12 @@ document.addEventListener("keydown", (event) => {
   }
   const key = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + event.key;
   const own = event.target.matches("button, summary"); // they are pressed by Enter themselves
-  const act = KEYS[key] ?? (/^[1-9]$/.test(key) ? () => choose(Number(key)) : own ? null : ON_FILM[key]);
+  const act = KEYS[key] ?? (own ? null : ON_FILM[key]);
   if (!act) return;
   event.preventDefault();
   act(event);
   centre();
 });
-const meant = (hint) => hint.replace("trace N", "the chosen trace");
-const HELP = [
-  ["\u2190 \u2191 \u2192 \u2193", "move over the film; with a tool, move the crosshair. Shift: bigger steps"],
-  ["PageUp PageDown Home End", "a view up or down; begin, end of the film"],
-  ["+ \u2212 0", "zoom; whole width. Mouse: wheel, Shift + wheel moves"],
-  ["g", "go to a time or a row"],
-  ["n p", "next, previous doubtful place"],
-  ["o", "reading on, off: compare with the bare film"],
-  ["1 \u2026 9", "trace that is meant"],
-  ...Object.values(TOOLS).map(([key, name, hint]) => [key, `${name}. ${meant(hint)}`]),
-  ["Enter", "click at the crosshair; once more at the same place: finish"],
-  ["Backspace", "remove the last point"],
-  ["t", "clock time of a mark"],
-  ["Esc", "cancel; close a message; from a field back to the film"],
-  ["u Ctrl+Z", "undo"],
-  ["r Ctrl+Y", "redo"],
-  ["?", "these keys"],
-];
 
 // ---- the page put together
 for (const [keys, words] of HELP) {
@@ -352,29 +339,22 @@ $("go").onsubmit = (event) => {
   canvas.focus();
   centre();
 };
-$("who").onchange = () => { naming = ask("who", { who: $("who").value }).catch((fault) => refuse(fault.message)); };
-$("csv").onclick = async () => {
-  try {
-    const href = URL.createObjectURL(await (await ask("readings.csv")).blob());
-    const link = make("a", { href, download: `${shown.state.name.replace(/(\.film)?\.\w+$/, "")}.readings.csv` });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(href), 60000);
-    say(`Readings saved as ${link.download}`);
-  } catch (fault) {
-    refuse(fault.message);
-  }
-};
-$("done").onclick = async () => {
-  try {
-    const { saved } = await (await ask("done", {})).json();
-    shown.state = null; // nothing more is drawn, nothing asked
-    changes += 1;
-    clearTimeout(timer);
-    const textContent = `The table is closed; the edits are in ${saved}. This page may be closed too.`;
-    document.body.replaceChildren(make("p", { className: "end", role: "status", textContent }));
-  } catch (fault) {
-    refuse(fault.message);
-  }
-};
+const sendName = attempt(() => ask("who", { who: $("who").value }));
+$("who").onchange = () => { naming = sendName(); };
+$("csv").onclick = attempt(async () => {
+  const href = URL.createObjectURL(await (await ask("readings.csv")).blob());
+  const link = make("a", { href, download: `${shown.state.name.replace(/(\.film)?\.\w+$/, "")}.readings.csv` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(href), 60000);
+  say(`Readings saved as ${link.download}`);
+});
+$("done").onclick = attempt(async () => {
+  const { saved } = await (await ask("done", {})).json();
+  shown.state = null; // nothing more is drawn, nothing asked
+  changes += 1;
+  clearTimeout(timer);
+  const textContent = `The table is closed; the edits are in ${saved}. This page may be closed too.`;
+  document.body.replaceChildren(make("p", { className: "end", role: "status", textContent }));
+});
 addEventListener("focus", () => { if (shown.state && !busy) refresh(); });
 refresh();

@@ -54,6 +54,7 @@ class Session:
     options: dict[str, Any]  # as of `read_traces`
     reading: Reading | None = None
     refusal: IsochronyError | None = None
+    record: DataTree | None = None  # as it is now; None where the film is refused
     saved_at: str | None = None
 
     def __post_init__(self) -> None:
@@ -61,7 +62,6 @@ class Session:
         self._steps = [self.edits.model_copy(update={"edits": made[:k]}) for k in range(len(made) + 1)]
         self._at = len(made)  # the step at which the film is
         self._revision = 0
-        self._record: DataTree | None = None
         self._refining = Refining()
         self._before, self._gravity = Gravity(), Gravity()
         self._read()
@@ -94,8 +94,7 @@ class Session:
             check_scan(made, scan)
         traces, _ = find_time(scan, known, reading, None, jobs, progress)
         if made is None:
-            own = {"sha256": traces.scan.sha256, "orientation": traces.scan.orientation}
-            made = FilmEdits.model_validate(own)
+            made = FilmEdits.model_validate({"sha256": traces.scan.sha256, "orientation": traces.scan.orientation})
         asked = {"reading": reading, "rate": rate, "jobs": jobs}
         return Session(traces, known, made, path, who or _user(), paths[0].name, asked)
 
@@ -107,21 +106,15 @@ class Session:
         change = None if now is None or before is None else (now - before) / MGAL
         refused = None if self.refusal is None else str(self.refusal)
         shown: dict[str, Any] = {"samples": 0, "accepted_fraction": 0.0, "flags": [], "notes": []}
-        pace = None  # s a row
-        if reading is not None and self._record is not None:
-            row = summary(self._record, reading)
+        if reading is not None and self.record is not None:
+            row = summary(self.record, reading)
             shown = {key: row[key] for key in shown}
-            known = np.flatnonzero(np.isfinite(reading.axis.seconds))
-            if known.size:
-                pace = float(np.ptp(reading.axis.seconds[known])) / max(int(np.ptp(known)), 1)
         count, names = len(self.untouched.tracks.course), [trace.name for trace in self.known.traces]
         names = names if len(names) == count else [str(k + 1) for k in range(count)]
         return {
             "name": self.name,
             "rows": scan.rows,
             "columns": scan.columns,
-            "orientation": self.edits.orientation,
-            "seconds_per_row": pace,
             "traces": [{"number": k + 1, "name": name} for k, name in enumerate(names)],
             "edits": edits["edits"],
             "can_undo": self._at > 0,
@@ -132,7 +125,7 @@ class Session:
             "doubtful": [] if reading is None else doubtful(reading, self._clock),
             "saved": str(self.path),
             "saved_at": self.saved_at,
-            "numbers_sha256": None if self._record is None else numbers_sha256(self._record),
+            "numbers_sha256": None if self.record is None else numbers_sha256(self.record),
         }
 
     def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
@@ -151,19 +144,11 @@ class Session:
 
     def undo(self) -> dict[str, Any]:
         """Take back the last step."""
-        if self._at == 0:
-            raise RecordError("there is nothing to undo")
-        return self._take(self._steps, self._at - 1)
+        return self._take(self._steps, self._at - 1, "undo")
 
     def redo(self) -> dict[str, Any]:
         """Make the step again that was taken back last."""
-        if self._at == len(self._steps) - 1:
-            raise RecordError("there is nothing to redo")
-        return self._take(self._steps, self._at + 1)
-
-    def record(self) -> DataTree | None:
-        """The record as it is now; None where the film is refused."""
-        return self._record
+        return self._take(self._steps, self._at + 1, "redo")
 
     def close(self) -> None:
         """End what still runs."""
@@ -171,27 +156,22 @@ class Session:
 
     def csv(self) -> str:
         """Readings: time and angle of every trace with its uncertainty, as text."""
-        if self._record is None:
+        if self.record is None:
             raise RefusedError(str(self.refusal))
-        traces, out = self._record["record"].dataset, io.StringIO()
+        traces, out = self.record["record"].dataset, io.StringIO()
         names = [str(each) for each in traces["trace"].values]
         head = ["time_s", *(f"{name}_rad" for name in names), *(f"{name}_sigma_rad" for name in names)]
-        time, angles = self._record.dataset["time"].values, traces["elongation"].values
+        time, angles = self.record.dataset["time"].values, traces["elongation"].values
         table = np.column_stack([time, *angles, *traces["elongation_uncertainty"].values])
         np.savetxt(out, table, "%.9g", ",", header=",".join(head), comments="")
         return out.getvalue()
 
     def tile(self, level: int, down: int, across: int) -> bytes:
-        """A tile of the film as PNG, at 1/2**level of its size.
-
-        `RecordError`: there is no such tile.
-        """
+        """A tile of the film as PNG, at 1/2**level of its size."""
         from PIL import Image
 
         scan, side = self.untouched.scan, TILE << level
         first, left = down * side, across * side
-        if not (0 <= level < self.levels and 0 <= first < scan.rows and 0 <= left < scan.columns):
-            raise RecordError(f"tile {level}/{down}/{across}: the film has no such tile")
         pixels = np.asarray(scan.read(first, min(first + side, scan.rows))[:, left : left + side])
         picture = Image.fromarray((pixels >> 8 if scan.full_scale > 255 else pixels).astype(np.uint8))
         width, height = (max(1, -(-each // (1 << level))) for each in picture.size)
@@ -215,9 +195,8 @@ class Session:
                     for row, course in zip(axis.row_of_trace[:, at].tolist(), tracks.course, strict=True)
                 ]
                 seconds = float(axis.index[at] * axis.interval)
-                minute = bool(round(seconds / axis.interval) * axis.interval % 60.0 == 0.0)
-                mark = {"row": float(axis.row[at]), "trace_rows": places, "label": self._clock(seconds)}
-                marks.append(mark | {"minute": minute})
+                label, minute = self._clock(seconds), seconds % 60.0 == 0.0
+                marks.append({"row": float(axis.row[at]), "trace_rows": places, "label": label, "minute": minute})
         return {
             "rows": (rows + 0.5).tolist(),
             "courses": [_listed(each[rows]) for each in tracks.course],
@@ -225,8 +204,10 @@ class Session:
             "marks": marks,
         }
 
-    def _take(self, steps: list[FilmEdits], at: int) -> dict[str, Any]:
+    def _take(self, steps: list[FilmEdits], at: int, what: str = "edit") -> dict[str, Any]:
         """Read the film with the edits of a step; where they cannot be meant, all stays as it was."""
+        if not 0 <= at < len(steps):
+            raise RecordError(f"there is nothing to {what}")
         before, self.edits, known = self.edits, steps[at], self._refining.latest(self._gravity)
         try:
             self._read()
@@ -250,7 +231,7 @@ class Session:
             record = make_record(reading, self.known, self.name)
         except RefusedError as fault:
             refusal = fault
-        self._now, self.reading, self._record, self.refusal = now, reading, record, refusal
+        self._now, self.reading, self.record, self.refusal = now, reading, record, refusal
         self._revision += 1
         self._refining.stop()
         if record is None:

@@ -13,7 +13,7 @@ from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from pipeline.cli.main import main
 from pipeline.film.digitise import digitise, open_film
-from pipeline.film.edits import contains, drawn
+from pipeline.film.edits import Placed, contains
 from pipeline.film.following import FilmTraces, find_time
 from pipeline.film.knowledge import FilmOptions
 from pipeline.film.reading import read_traces
@@ -238,6 +238,10 @@ def test_places_in_a_polygon():
     corners = np.array([[0.0, 0.0], [0.0, 10.0], [10.0, 10.0], [4.0, 5.0], [10.0, 0.0]])
     rows, columns = np.array([2.0, 8.0, 8.0, -1.0]), np.array([5.0, 5.0, 9.0, 5.0])
     assert contains(corners, rows, columns).tolist() == [True, False, True, False]
-    shown = drawn(corners + np.array([100.0, 3.0]), 95, (20, 20))
-    assert shown.sum() == pytest.approx(70.0, abs=3.0)
-    assert drawn(np.array([[97.0, 4.0], [99.0, 8.0]]), 95, (20, 20)).sum() == 8
+
+    def hidden(mask: np.ndarray) -> int:
+        return int(np.isnan(Placed(masks=[mask]).hide(np.zeros((20, 20), dtype=np.float32), 95)).sum())
+
+    assert hidden(corners + np.array([100.0, 3.0])) == pytest.approx(70.0, abs=3.0)
+    assert hidden(np.array([[97.0, 4.0], [99.0, 8.0]])) == 8
+    assert hidden(np.array([[40.0, 4.0], [60.0, 8.0]])) == 0

@@ -65,8 +65,7 @@ class StandInSession:
     def state(self) -> dict[str, Any]:
         value = 9.8123456 + 1e-5 * self._shift(len(self.edits))
         return {
-            "name": "ship.film.tif", "rows": ROWS, "columns": COLUMNS, "orientation": 0,
-            "seconds_per_row": 0.5 / INTERVAL, "edits": list(self.edits),
+            "name": "ship.film.tif", "rows": ROWS, "columns": COLUMNS, "edits": list(self.edits),
             "traces": [{"number": 1, "name": "1"}, {"number": 2, "name": "1-2"}],
             "can_undo": bool(self.edits), "can_redo": bool(self.undone), "revision": self.revision,
             "gravity": {"value_m_s2": value, "sigma_mgal": self.sigma, "change_mgal": self.change, "method": "joint",

@@ -140,7 +140,7 @@ def _closed_form(problem: Problem, tolerance: float) -> Call:
         for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
             begun = StateStart(angle=start[2 * k], angular_velocity=start[2 * k + 1])
             responses.append(respond(float(n), float(gamma), begun, moved, system.gravity))
-        angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
+        angles = EvenTimes(problem.step, problem.count).elongation(responses)
         return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR)
 
     return call

@@ -113,8 +113,7 @@ def _start(pendulum: Pendulum, frequency: float, motion: HarmonicSum, gravity: f
     """Angle and angular velocity; of a free start, those of the linear pendulum on a rigid support."""
     start = pendulum.start
     if isinstance(start, FreeStart):
-        response = respond(frequency, pendulum.damping_rate, start, motion, gravity)
-        return start_state(response, motion.angular_frequency)
+        return start_state(respond(frequency, pendulum.damping_rate, start, motion, gravity))
     return np.array([start.angle, start.angular_velocity])
 
 

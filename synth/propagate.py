@@ -10,6 +10,7 @@ import numpy as np
 from data_schemas.errors import RefusedError, SceneError
 from synth.choice import NAMES
 from synth.kicks import held
+from synth.motion.harmonic_sum import Sums
 from synth.pendulums.linear import start_state
 from synth.phase import Floats, Phasors
 from synth.plan import Plan
@@ -57,8 +58,8 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
             f" {error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
             " shorter, or give simulation.tolerance if that will do"
         )
-    responses = [(each.responses, each.motion.angular_frequency) for each in planes]
     answers_slowly = bool(plan.responses) and bool(plan.motion.angular_frequency.size or not plan.choice.integrates)
+    forced = [_forced(each) for each in planes] if answers_slowly else []
     done = 0
     for part in clock.chunks():
         here, times, kept = slice(done, done + part.times.count), part.times, part.kept
@@ -67,11 +68,11 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
             continue
         free = slow = None
         if in_closed_form:
-            rows = np.vstack([times.elongation(*each) for each in responses])
-            free = np.array([times.free_harmonic(one, w)[kept] for own, w in responses for one in own])
+            rows = np.vstack([times.elongation(each.responses) for each in planes])
+            free = np.array([times.free_harmonic(one)[kept] for each in planes for one in each.responses])
         else:
             rows = np.vstack([angles[:, here] for angles, _, _ in whole])
-            slow = np.vstack([times.slow(*each) for each in responses])[:, kept] if answers_slowly else None
+            slow = np.vstack([times.values(each) for each in forced])[:, kept] if answers_slowly else None
         theta = rows[:count, kept]
         for place, begin, end, angle in held(plan.scene, plan.kicks):
             theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
@@ -89,6 +90,11 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
                 None if plan.gravity_change is None else times.acceleration(plan.gravity_change)[kept],
             ),
         )
+
+
+def _forced(plan: Plan) -> Sums:
+    """Steady answers of the pendulums to the harmonics away from n, rad."""
+    return Sums(plan.motion.angular_frequency, np.array([each.forced for each in plan.responses]), plan.motion.combs)
 
 
 def _worst(plan: Plan) -> float:
@@ -125,19 +131,14 @@ def _collocated(plan: Plan) -> tuple[Floats, float]:
     """Angles, (pendulums, moments) rad, and their estimated error."""
     from synth.propagators.picard import PicardPlan  # only here: it brings numba
 
-    collocation = PicardPlan(
+    return PicardPlan(
         np.array([response.frequency for response in plan.responses]),
         np.array([response.damping_rate for response in plan.responses]),
-        np.array([start_state(response, plan.motion.angular_frequency) for response in plan.responses]),
+        np.array([start_state(response) for response in plan.responses]),
         plan.motion,
         plan.lift,
         plan.gravity,
         plan.times,
         plan.scene.restoring == "linear",
         plan.kicks,
-    )
-    theta, error, done = np.empty((len(plan.responses), plan.times.count)), 0.0, 0
-    for swing in collocation.stream():  # samples of a clock are in order of time, none before the start
-        here = slice(done, done + swing.theta.shape[1])
-        theta[:, here], error, done = swing.theta, max(error, swing.estimated_error), here.stop
-    return theta, error
+    ).elongation()  # samples of a clock are in order of time, none before the start

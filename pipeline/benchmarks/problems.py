@@ -139,7 +139,7 @@ def _closed_form(problem: Problem, tolerance: float) -> Call:
         for n, gamma, (angle, speed) in zip(system.natural_frequency, system.terms.damping_rate, start, strict=True):
             begun = StateStart(angle=angle, angular_velocity=speed)
             responses.append(respond(float(n), float(gamma), begun, moved, system.gravity))
-        angles = EvenTimes(problem.step, problem.count).elongation(responses, moved.angular_frequency)
+        angles = EvenTimes(problem.step, problem.count).elongation(responses)
         return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR)
 
     return call

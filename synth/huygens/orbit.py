@@ -20,14 +20,11 @@ import numpy as np
 from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks, eigenvalues_beside, mirrored
-from synth.integrators.explicit_step import INSIDE, NODES
+from synth.integrators.explicit_step import Space, attempt
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
-_STAGES = 12
-_NODES, _WEIGHTS = np.array(NODES[:_STAGES]), np.ascontiguousarray(INSIDE[: _STAGES + 1, :_STAGES])
-"""A row of weights for each stage, the last for the step."""
 STEPS = 48  # Of half a swing: the beam turns by 0.13 rad in each, which order 8 resolves to 1e-13.
 _ORDER = 8
 _APART, _SHARES = 3e-3, (1.5, -0.6, 0.1)  # of tangents: step of the differences over the state's size, and weights
@@ -43,13 +40,16 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
     The duration of the whole way is in its unit of time; steps are even.
     """
 
+    n = start.size
+    space = Space(*np.zeros((11, n)), np.zeros((16, n)), np.zeros((7, n)))
+
     def flow(begin: Floats) -> Floats:
-        states = np.empty((steps + 1, start.size))
+        states = np.empty((steps + 1, n))
         states[0] = begin
-        _integrate(system, states, duration / steps, _NODES, _WEIGHTS)
+        _integrate(system, states, duration / steps, space)
         return states
 
-    apart = _APART * float(np.abs(start).max()) * np.eye(start.size)
+    apart = _APART * float(np.abs(start).max()) * np.eye(n)
     tangents = np.zeros_like(apart)
     for k, share in enumerate(_SHARES, start=1):
         above, below = (np.array([flow(start + sign * k * unit)[-1] for unit in apart]) for sign in (1.0, -1.0))
@@ -58,21 +58,17 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
 
 
 @kernel
-def _integrate(system: Any, states: Floats, step: float, nodes: Floats, weights: Floats) -> None:
+def _integrate(system: Any, states: Floats, step: float, space: Space) -> None:
     """Fill `states` (steps + 1, n) from the first on."""
-    size = states.shape[1]
-    slopes, place = np.empty((nodes.size, size)), np.empty(size)
     for index in range(states.shape[0] - 1):
-        for stage in range(nodes.size + 1):
-            for i in range(size):
-                total = 0.0
-                for k in range(stage):
-                    total += weights[stage, k] * slopes[k, i]
-                place[i] = states[index, i] + step * total
-            if stage < nodes.size:
-                derivative((index + nodes[stage]) * step, place, system, slopes[stage])
-        for i in range(size):
-            states[index + 1, i] = place[i]
+        for i in range(states.shape[1]):
+            space.state[i] = states[index, i]
+        derivative(index * step, space.state, system, space.slope)
+        for i in range(states.shape[1]):
+            space.k[0, i] = space.slope[i]
+        attempt(index * step, step, space, system)
+        for i in range(states.shape[1]):
+            states[index + 1, i] = space.state[i] + space.increment[i]
 
 
 class Orbit(NamedTuple):

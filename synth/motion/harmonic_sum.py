@@ -58,17 +58,35 @@ class Comb:
 
 
 @dataclass(frozen=True)
-class HarmonicSum:
-    """x''(t) = Re sum acceleration * exp(i angular_frequency t)."""
+class Sums:
+    """Several sums over the same harmonics."""
 
-    angular_frequency: Floats  # (harmonics,) rad/s, not negative; taken as exact, but for those of combs
-    acceleration: Phasors  # (harmonics,) amplitude and phase, m/s^2
+    angular_frequency: Floats  # (harmonics,) rad/s
+    coefficients: Phasors  # (sums, harmonics)
     combs: tuple[Comb, ...] = ()  # The last harmonics, if they are many multiples of one frequency
 
     @property
     def alone(self) -> int:
         """How many harmonics, the first ones, belong to no comb."""
         return self.combs[0].first if self.combs else self.angular_frequency.size
+
+    @cached_property
+    def transforms(self) -> tuple[PeriodicSums, ...]:
+        """All sums over every comb."""
+        return tuple(comb.sums(*self.coefficients) for comb in self.combs)
+
+    def some(self, which: slice) -> Sums:
+        """Some of the sums."""
+        return Sums(self.angular_frequency, self.coefficients[which], self.combs)
+
+
+@dataclass(frozen=True)
+class HarmonicSum:
+    """x''(t) = Re sum acceleration * exp(i angular_frequency t)."""
+
+    angular_frequency: Floats  # (harmonics,) rad/s, not negative; taken as exact, but for those of combs
+    acceleration: Phasors  # (harmonics,) amplitude and phase, m/s^2
+    combs: tuple[Comb, ...] = ()  # The last harmonics, if they are many multiples of one frequency
 
     def rest(self, which: Integers) -> Floats:
         """What the frequencies of some harmonics are more than the doubles that stand for them, rad/s."""
@@ -78,9 +96,9 @@ class HarmonicSum:
         return rest[which] if self.combs else np.zeros(which.size)
 
     @cached_property
-    def transforms(self) -> tuple[PeriodicSums, ...]:
-        """The acceleration of every comb."""
-        return tuple(comb.sums(self.acceleration) for comb in self.combs)
+    def sums(self) -> Sums:
+        """The acceleration as one sum."""
+        return Sums(self.angular_frequency, self.acceleration[None], self.combs)
 
 
 def add(terms: Iterable[HarmonicSum]) -> HarmonicSum:

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.scene_pendulum import FreeStart, Start
-from synth.motion.harmonic_sum import Comb, HarmonicSum
+from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats, Phasors, damped_frequency
 from synth.propagators.blocks import PeriodicSums
 
@@ -50,18 +50,13 @@ class Response:
     near: NDArray[np.int64]  # (beats,) which harmonics are near-resonant
     gain: Phasors  # (beats,) G, rad/s
     split: Phasors  # (beats,) mu = i m - lambda, rad/s; exact in the difference of the two frequencies
-    combs: tuple[Comb, ...] = ()  # The last harmonics, if they are many multiples of one frequency
-
-    @property
-    def alone(self) -> int:
-        """How many harmonics, the first ones, belong to no comb."""
-        return self.combs[0].first if self.combs else self.forced.size
+    motion: HarmonicSum  # What it answers
 
     @cached_property
     def is_transformed(self) -> NDArray[np.bool_]:
         """Which beats are summed by transform, as harmonics apart, (beats,); others of a comb turn too little."""
         result = np.zeros(self.near.size, dtype=np.bool_)
-        for comb in self.combs:
+        for comb in self.motion.combs:
             within = (self.near >= comb.span.start) & (self.near < comb.span.stop)
             result |= within & (np.abs(self.split) * float(comb.period) >= _APART)
         return result
@@ -69,18 +64,13 @@ class Response:
     @cached_property
     def transforms(self) -> tuple[PeriodicSums, ...]:
         """Answer to every comb: one sum."""
-        return tuple(comb.sums(self.forced + self._beats) for comb in self.combs)
-
-    @cached_property
-    def slow_transforms(self) -> tuple[PeriodicSums, ...]:
-        """Steady answer to every comb, without beats: one sum."""
-        return tuple(comb.sums(self.forced) for comb in self.combs)
+        return tuple(comb.sums(self.forced + self._beats) for comb in self.motion.combs)
 
     @cached_property
     def beat_transforms(self) -> tuple[PeriodicSums, ...]:
         """Beats of every comb that has any: two sums, real and imaginary part."""
         beats = self._beats
-        return tuple(comb.sums(beats, -1j * beats) for comb in self.combs if beats[comb.span].any())
+        return tuple(comb.sums(beats, -1j * beats) for comb in self.motion.combs if beats[comb.span].any())
 
     @cached_property
     def _beats(self) -> Phasors:
@@ -114,17 +104,16 @@ def respond(frequency: float, damping_rate: float, start: Start, motion: Harmoni
         angle = start.angle - float(forced.real.sum())
         speed = start.angular_velocity + float((w * forced.imag).sum()) - float(gain.real.sum())
         free = complex(angle, -(speed + damping_rate * angle) / nearest)
-    return Response(frequency, damping_rate, omega, free, forced, near, gain, split, motion.combs)
+    return Response(frequency, damping_rate, omega, free, forced, near, gain, split, motion)
 
 
-def start_state(response: Response, angular_frequency: Floats) -> Floats:
+def start_state(response: Response) -> Floats:
     """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
 
     A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
-    start on the forced solution starts from here. The angular frequencies are those of the motion that it answers,
-    rad/s; returned are rad and rad/s, (2,).
+    start on the forced solution starts from here; rad and rad/s, (2,).
     """
     own = complex(-response.damping_rate, float(response.damped_frequency))
-    slow = np.array([np.sum(response.forced), np.sum(1j * angular_frequency * response.forced)])
+    slow = np.array([np.sum(response.forced), np.sum(1j * response.motion.angular_frequency * response.forced)])
     free = np.array([response.start, own * response.start + np.sum(response.gain)])
     return np.asarray((slow + free).real)

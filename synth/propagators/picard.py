@@ -21,10 +21,10 @@ stride that iteration or the nodes cannot manage is taken again from its start i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
@@ -33,12 +33,12 @@ from synth.kernels.collocation import NODES, POINTS
 from synth.kernels.collocation_weights import continuation, legendre_tail, weights
 from synth.kernels.picard import Forcing, Law, march
 from synth.kicks import Kicks
-from synth.motion.harmonic_sum import HarmonicSum
+from synth.motion.harmonic_sum import HarmonicSum, Sums
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats
 from synth.propagators.blocks import Ticks
 from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import Grid, Readings, Sums, steady_at
+from synth.propagators.picard_forcing import Grid, Readings
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
@@ -52,28 +52,22 @@ _PATIENCE = 8  # strides after which longer intervals are tried again
 _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even where angles feel all of it
 
 
-class Swing(NamedTuple):
-    """Angles at the next readings."""
-
-    theta: Floats  # (pendulums, readings) rad
-    estimated_error: float  # Of the largest error up to here, relative to the largest angle of the pendulum up to here
-
-
 @dataclass(frozen=True)
 class PicardPlan:
     """Independent pendulums on one support, and when to read them.
 
-    Examples
-    --------
-    A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
+        Examples
+        --------
+        A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
 
-    >>> from fractions import Fraction
-    >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
-    >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
-    ...                   EvenTimes(Fraction(1, 4), 9))
-    >>> theta, error = plan.elongation()
-    >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
-    (True, True)
+        >>> from fractions import Fraction
+    from functools import cached_property
+        >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
+        >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
+        ...                   EvenTimes(Fraction(1, 4), 9))
+        >>> theta, error = plan.elongation()
+        >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
+        (True, True)
     """
 
     frequencies: Floats
@@ -99,18 +93,13 @@ class PicardPlan:
         estimated_error : float
             Largest error, relative to the largest angle of the pendulum.
         """
-        swings = list(self.stream())
-        theta = [np.empty((len(self.frequencies), 0)), *(swing.theta for swing in swings)]
-        return np.concatenate(theta, axis=1), swings[-1].estimated_error if swings else 0.0
+        theta, error, done = np.empty((len(self.frequencies), self.times.count)), 0.0, 0
+        for angles, so_far in strides(self):
+            here = slice(done, done + angles.shape[1])
+            theta[:, here], error, done = angles, max(error, so_far), here.stop
+        return theta, error
 
-    def stream(self) -> Iterator[Swing]:
-        """Angles portion by portion, in order of time and in bounded memory.
-
-        `RefusedError`: as `elongation`.
-        """
-        return _strides(self._equations(), self._readings())
-
-    def _readings(self) -> list[Readings]:
+    def readings(self) -> list[Readings]:
         """The readings among intervals of each length to try."""
         times, kicks = self.times, self.kicks
         motions = (self.horizontal, self.vertical)
@@ -121,7 +110,9 @@ class PicardPlan:
             return [Readings(times, kicks.step / (times.step if isinstance(times, EvenTimes) else times.scale))]
         return [Readings.among(times, each) for each in longest]
 
-    def _equations(self) -> _Equations:
+    @cached_property
+    def sums(self) -> tuple[Sums, Sums]:
+        """Steady answers of all pendulums, u, and that part of u which they leave out, if any; and zeta."""
         horizontal, vertical = _at_least_one(self.horizontal), _at_least_one(self.vertical)
         w = horizontal.angular_frequency
         u = horizontal.acceleration / self.gravity
@@ -129,15 +120,26 @@ class PicardPlan:
         n, gamma = self.frequencies[:, None], self.damping_rates[:, None]
         near = ((w > low * n) & (w < high * n)).any(axis=0)
         steady = np.where(near, 0.0, -(n**2) * u / np.where(near, 1.0, (n - w) * (n + w) + 2j * gamma * w))
-        angle = self.starts[:, 0] - steady.real.sum(axis=1)
-        speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
         sums = np.vstack([steady, u, np.where(near, u, 0.0)] if near.any() else [steady, u])
         heave = vertical.acceleration[None, :] / self.gravity
-        return _Equations(
-            self.frequencies, self.damping_rates, np.array([angle, speed / self.frequencies]),
-            Sums(w, sums, horizontal.combs), Sums(vertical.angular_frequency, heave, vertical.combs),
-            self.linear, self.kicks,
-        )  # fmt: skip
+        return Sums(w, sums, horizontal.combs), Sums(vertical.angular_frequency, heave, vertical.combs)
+
+    @property
+    def steady(self) -> Sums:
+        """Steady answers of all pendulums, rad."""
+        return self.sums[0].some(slice(len(self.frequencies)))
+
+    def rest(self) -> tuple[Floats, Floats]:
+        """What the starts have beyond the steady answers: y and y'/n at t = 0, (pendulums,) rad."""
+        w, steady = self.steady.angular_frequency, self.steady.coefficients
+        angle = self.starts[:, 0] - steady.real.sum(axis=1)
+        speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
+        return angle, speed / self.frequencies
+
+    def shadowed(self) -> PicardPlan:
+        """Every pendulum twice."""
+        frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
+        return replace(self, frequencies=frequencies, damping_rates=damping_rates, starts=np.tile(self.starts, (2, 1)))
 
 
 def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
@@ -145,37 +147,16 @@ def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
     return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
 
 
-@dataclass(frozen=True)
-class _Equations:
-    """Pendulums and forcing, as collocation wants them."""
-
-    frequencies: Floats
-    damping_rates: Floats  # (pendulums,) n in rad/s, gamma in 1/s
-    start: Floats  # (2, pendulums) y and y'/n at t = 0, rad
-    horizontal: Sums  # steady answers of all pendulums, u, and that part of u which they leave out, if any
-    vertical: Sums  # zeta
-    linear: bool
-    kicks: Kicks | None  # whose step every interval is, or a whole part of it
-
-    def shadowed(self) -> _Equations:
-        """Every pendulum twice."""
-        answers = self.horizontal.coefficients
-        count = len(self.frequencies)
-        horizontal = replace(self.horizontal, coefficients=np.vstack([answers[:count], answers]))
-        frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
-        return replace(self, frequencies=frequencies, damping_rates=damping_rates, horizontal=horizontal)
-
-
 class _Level:
     """One length of intervals: forcing, weights and readings."""
 
-    def __init__(self, equations: _Equations, readings: Readings, shown: int) -> None:
+    def __init__(self, plan: PicardPlan, readings: Readings, shown: int) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // _GROUP))
         self.readings = readings
         self.most = blocks * _GROUP
-        self.turn = equations.frequencies * float(readings.interval)
-        self._pendulums = len(equations.frequencies)
-        horizontal, vertical = equations.horizontal, equations.vertical
+        self.turn = plan.frequencies * float(readings.interval)
+        self._pendulums = len(plan.frequencies)
+        horizontal, vertical = plan.sums
         same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
         if same and horizontal.combs == vertical.combs:
             merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
@@ -184,18 +165,16 @@ class _Level:
             self._grids = [Grid(each, readings.interval, _GROUP) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
         self._still = np.zeros((self.most, NODES))
-        self._kicks = equations.kicks
-        self._answers = horizontal.some(slice(self._pendulums))
-        self._frequencies = equations.frequencies
+        self._plan, self._kicks = plan, plan.kicks
         self.shown = horizontal.some(slice(shown))
-        each_pendulum = zip(equations.frequencies.tolist(), equations.damping_rates.tolist(), strict=True)
+        each_pendulum = zip(plan.frequencies.tolist(), plan.damping_rates.tolist(), strict=True)
         sets = [
             weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
         ]
         flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))
         inner = np.ascontiguousarray(inner[:, : NODES * NODES])
         guess = np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner])
-        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], equations.linear)
+        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], plan.linear)
 
     def _impulses(self, first: int, count: int) -> Floats:
         """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
@@ -214,9 +193,9 @@ class _Level:
 
     def _steady(self, p: int, time: float) -> Floats:
         """Steady answer of a pendulum and its slope over n, rad."""
-        rate = self._answers.angular_frequency
-        turning = self._answers.coefficients[p] * np.exp(1j * rate * time)
-        return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._frequencies[p]])
+        rate = self._plan.steady.angular_frequency
+        turning = self._plan.steady.coefficients[p] * np.exp(1j * rate * time)
+        return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._plan.frequencies[p]])
 
     def forcing(self, first: int, count: int) -> Forcing:
         """What acts in `count` intervals from the `first`."""
@@ -228,18 +207,18 @@ class _Level:
         return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
 
 
-def _strides(equations: _Equations, readings: Sequence[Readings]) -> Iterator[Swing]:
-    """Angles of stride after stride.
+def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
+    """Angles of stride after stride, (pendulums, readings) rad, and the estimate of the largest error up to there.
 
     The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
     `RefusedError` if intervals of a thousandth of the planned length are still too long.
     """
-    shown = len(equations.frequencies)
-    lengths = list(readings)
-    levels = [_Level(equations, lengths.pop(0), shown)] if lengths[0].intervals else []
+    shown = len(plan.frequencies)
+    lengths = plan.readings()
+    levels = [_Level(plan, lengths.pop(0), shown)] if lengths[0].intervals else []
     state = np.zeros((shown, 4))
-    state[:, 0], state[:, 2] = equations.start
+    state[:, 0], state[:, 2] = plan.rest()
     remainder = np.zeros((shown, NODES))
     estimate = Estimate(shown)
     depth, calm, patience, done = 0, 0, _PATIENCE, 0
@@ -251,20 +230,20 @@ def _strides(equations: _Equations, readings: Sequence[Readings]) -> Iterator[Sw
         if result is not None and tried.is_large and len(state) == shown:
             # The growth of errors must be measured, from the start of this stride on.
             estimate = estimate.shadowed(tried)
-            equations = equations.shadowed()
-            levels = [_Level(equations, each.readings, shown) for each in levels]
+            plan = plan.shadowed()
+            levels = [_Level(plan, each.readings, shown) for each in levels]
             state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
             estimate.nudge(state)
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield Swing(result, estimate.relative)
+            yield result, estimate.relative
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
                 remainder = np.zeros_like(remainder)
         elif done == 0 and depth == 0 and lengths:
-            levels = [_Level(equations, lengths.pop(0), shown)]
+            levels = [_Level(plan, lengths.pop(0), shown)]
             remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
@@ -277,7 +256,7 @@ def _strides(equations: _Equations, readings: Sequence[Readings]) -> Iterator[Sw
             depth, done, calm = depth + 1, 2 * done, 0
             remainder = np.zeros_like(remainder)
             if depth == len(levels):
-                levels.append(_Level(equations, level.readings.halved(), shown))
+                levels.append(_Level(plan, level.readings.halved(), shown))
 
 
 def _stride(
@@ -302,7 +281,7 @@ def _stride(
     if not estimate.is_resolved:
         return None
     portion = level.readings.portion(first, count)
-    theta = steady_at(level.readings.times, level.shown, portion)
+    theta = level.readings.times.stretch(portion.start, portion.stop).values(level.shown)
     level.readings.read(points[: len(theta)], first, theta)
     return theta
 

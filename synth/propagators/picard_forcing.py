@@ -16,35 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from synth.kernels.collocation_weights import FINE, gauss_nodes, interpolation
-from synth.motion.harmonic_sum import Comb
-from synth.phase import Floats, Integers, Phasors, rational_turns, turns
-from synth.propagators.blocks import PeriodicSums, Ticks, product
+from synth.motion.harmonic_sum import Sums
+from synth.phase import Floats, Integers, rational_turns, turns
+from synth.propagators.blocks import Ticks, product
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _MOST_STEPS = 4096  # in an interval: bounds the table of weights
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Several sums over the same harmonics."""
-
-    angular_frequency: Floats  # (harmonics,) rad/s
-    coefficients: Phasors  # (sums, harmonics)
-    combs: tuple[Comb, ...] = ()  # the last harmonics, if they are many multiples of one frequency
-
-    def some(self, which: slice) -> Sums:
-        """Some of the sums."""
-        return Sums(self.angular_frequency, self.coefficients[which], self.combs)
-
-    @property
-    def alone(self) -> int:
-        """How many harmonics, the first ones, belong to no comb."""
-        return self.combs[0].first if self.combs else self.angular_frequency.size
-
-    @cached_property
-    def transforms(self) -> tuple[PeriodicSums, ...]:
-        """All sums over every comb."""
-        return tuple(comb.sums(*self.coefficients) for comb in self.combs)
 
 
 class Grid:
@@ -82,18 +59,6 @@ class Grid:
             places = turn.wrapped(centres.index).T + within
             result += transform.at(places.ravel()).reshape(result.shape)
         return result.reshape(len(self._coefficients), -1)
-
-
-def steady_at(times: EvenTimes | UnevenTimes, sums: Sums, portion: slice) -> Floats:
-    """Sums at some of the moments, by their number, (sums, moments)."""
-    if portion.start == portion.stop:
-        return np.zeros((len(sums.coefficients), 0))
-    some = times.stretch(portion.start, portion.stop)
-    series = some.series(sums.angular_frequency[: sums.alone], sums.coefficients[:, : sums.alone])
-    result = np.ascontiguousarray(series)
-    for each in sums.transforms:
-        result += each.at(some.places(each.period))
-    return result
 
 
 @dataclass(frozen=True)

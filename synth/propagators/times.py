@@ -26,10 +26,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from synth.motion.harmonic_sum import HarmonicSum
+from synth.motion.harmonic_sum import HarmonicSum, Sums
 from synth.pendulums.linear import Response
 from synth.phase import Floats, Integers, Phasors, rational_turns
-from synth.propagators.blocks import Blocks, PeriodicSums, Places, Ticks, product
+from synth.propagators.blocks import Blocks, Places, Ticks, product
 
 Seconds = tuple[Floats, Floats]  # t_b and tau, s
 
@@ -77,12 +77,13 @@ class _Free:
 def _pendulum(response: Response, steady: Phasors, last: float) -> tuple[Phasors, _Free]:
     """Add all beats of a pendulum to its steady harmonics, but for those that hardly turn until the last moment."""
     fast = np.abs(response.split) * last >= _SLOW
-    if response.combs:
-        fast = np.where(response.near < response.alone, fast, response.is_transformed)
+    alone = response.motion.sums.alone
+    if response.motion.combs:
+        fast = np.where(response.near < alone, fast, response.is_transformed)
     where, gain, split = response.near[fast], response.gain[fast], response.split[fast]
     ratio = gain / split
-    alone = np.searchsorted(where, response.alone)
-    steady[where[:alone]] = ratio[:alone]
+    some = np.searchsorted(where, alone)
+    steady[where[:some]] = ratio[:some]
     return steady, _Free(response, response.start - complex(ratio.sum()), response.gain[~fast], response.split[~fast])
 
 
@@ -133,50 +134,46 @@ class Times(ABC):
         blocks, at = self._layout(float(np.max(angular_frequency, initial=1.0)))
         return at(_evaluate([(each, None) for each in coefficients], angular_frequency, blocks))
 
+    def values(self, sums: Sums) -> Floats:
+        """Real parts of sums, with those of long tables, (sums, count)."""
+        result = self.series(sums.angular_frequency[: sums.alone], sums.coefficients[:, : sums.alone])
+        for each in sums.transforms:
+            result += each.at(self.places(each.period))
+        return result
+
     def acceleration(self, motion: HarmonicSum) -> Floats:
         """Acceleration of the support, (count,), m/s^2."""
-        alone = motion.alone
-        result = self.series(motion.angular_frequency[:alone], motion.acceleration[None, :alone])
-        return np.asarray(self._with(result, [motion.transforms])[0])
+        return np.asarray(self.values(motion.sums)[0])
 
-    def slow(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        """Steady answers to the harmonics away from n, (pendulums, count), rad."""
-        alone = responses[0].alone
-        result = self.series(angular_frequency[:alone], np.array([each.forced[:alone] for each in responses]))
-        return self._with(result, [each.slow_transforms for each in responses])
+    def elongation(self, responses: Sequence[Response]) -> Floats:
+        """Angles of pendulums that answer one motion, (pendulums, count), rad."""
+        rate, blocks, at = self._layout_for(responses)
+        sums = [_pendulum(each, each.forced[: rate.size].copy(), blocks.last) for each in responses]
+        result = at(_evaluate(sums, rate, blocks))
+        for row, response in zip(result, responses, strict=True):
+            for each in response.transforms:
+                row += each.at(self.places(each.period))[0]
+        return result
 
-    def elongation(self, responses: Sequence[Response], angular_frequency: Floats) -> Floats:
-        """Angles of the pendulums, (pendulums, count), rad."""
-        alone = responses[0].alone
-        blocks, at = self._layout(_fastest(responses, angular_frequency))
-        sums = [_pendulum(each, each.forced[:alone].copy(), blocks.last) for each in responses]
-        result = at(_evaluate(sums, angular_frequency[:alone], blocks))
-        return self._with(result, [each.transforms for each in responses])
-
-    def free_harmonic(self, response: Response, angular_frequency: Floats) -> Phasors:
+    def free_harmonic(self, response: Response) -> Phasors:
         """Complex free harmonic Z of one pendulum, near-resonant beats included, (count,), rad."""
-        blocks, at = self._layout(_fastest([response], angular_frequency))
-        steady, free = _pendulum(response, np.zeros(response.alone, dtype=np.complex128), blocks.last)
-        near = response.near[response.near < response.alone]
+        rate, blocks, at = self._layout_for([response])
+        steady, free = _pendulum(response, np.zeros(rate.size, dtype=np.complex128), blocks.last)
+        near = response.near[response.near < rate.size]
         turned = _Free(response, -1j * free.start, -1j * free.gain, free.split)  # its real part is the imaginary one
         sums = [(steady[near], free), (-1j * steady[near], turned)]
-        real, imaginary = at(_evaluate(sums, angular_frequency[near], blocks))
+        real, imaginary = at(_evaluate(sums, rate[near], blocks))
         result: Phasors = real + 1j * imaginary
         for each in response.beat_transforms:
             real, imaginary = each.at(self.places(each.period))
             result += real + 1j * imaginary
         return result
 
-    def _with(self, rows: Floats, transforms: Sequence[Sequence[PeriodicSums]]) -> Floats:
-        for row, each in zip(rows, transforms, strict=True):
-            for sums in each:
-                row += sums.at(self.places(sums.period))[0]
-        return rows
-
-
-def _fastest(responses: Sequence[Response], angular_frequency: Floats) -> float:
-    own = max(response.frequency for response in responses)
-    return float(np.max(angular_frequency[: responses[0].alone], initial=own))
+    def _layout_for(self, responses: Sequence[Response]) -> tuple[Floats, Blocks, Interpolate]:
+        """Frequencies of the harmonics of no comb, rad/s, and the layout for these and the pendulums."""
+        motion, own = responses[0].motion, max(response.frequency for response in responses)
+        rate = motion.angular_frequency[: motion.sums.alone]
+        return rate, *self._layout(float(np.max(rate, initial=own)))
 
 
 @dataclass(frozen=True)

@@ -267,7 +267,7 @@ def test_who_refuses_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     def gives_up(self: PicardPlan) -> Any:
         raise RefusedError("too violent")
 
-    monkeypatch.setattr(PicardPlan, "stream", gives_up)
+    monkeypatch.setattr(PicardPlan, "elongation", gives_up)
     _, truth = synth.simulate(of)
     assert truth.attrs["propagator"] == "explicit, order 8"
     np.testing.assert_allclose(theta(truth), right, rtol=0, atol=1e-12)

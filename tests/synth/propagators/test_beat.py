@@ -26,7 +26,7 @@ def test_beat_is_exact_for_any_detuning_and_time(apart: float, damping_rate: flo
     motion = HarmonicSum(np.array([m]), np.array([0.3 + 0.1j]))
     response = respond(OWN, damping_rate, FreeStart(amplitude=0.0, phase=0.0), motion, GRAVITY)
     assert response.near.size == 1
-    found = EvenTimes(STEP, COUNT).free_harmonic(response, motion.angular_frequency)
+    found = EvenTimes(STEP, COUNT).free_harmonic(response)
     with mpmath.workdps(50):
         omega = mpmath.sqrt(mpmath.mpf(OWN) ** 2 - mpmath.mpf(damping_rate) ** 2)
         mu = mpmath.mpc(damping_rate, mpmath.mpf(m) - omega)
@@ -57,6 +57,6 @@ def test_overdamped_decay_over_long_blocks_does_not_overflow() -> None:
     """A pendulum that forgets its start within seconds, read each 10 s for months: growth over a block, exp(1000)."""
     still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
     response = respond(OWN, 2.0, FreeStart(amplitude=0.01, phase=0.0), still, GRAVITY)
-    theta = EvenTimes(Fraction(10), 1_000_000).elongation([response], still.angular_frequency)[0]
+    theta = EvenTimes(Fraction(10), 1_000_000).elongation([response])[0]
     assert theta[0] == pytest.approx(0.01, rel=1e-12)
     assert np.abs(theta[1:]).max() < 1e-9

@@ -11,7 +11,7 @@ import pytest
 
 from data_schemas.scene_pendulum import FreeStart, StateStart
 from synth.motion import tabulated
-from synth.motion.harmonic_sum import HarmonicSum, add
+from synth.motion.harmonic_sum import HarmonicSum, Sums, add
 from synth.motion.tabulated import continued
 from synth.pendulums.linear import respond
 from synth.propagators.blocks import PeriodicSums
@@ -99,24 +99,22 @@ def test_pendulum_moved_by_a_long_table(gamma: float, on_a_harmonic: bool) -> No
     even = EvenTimes(Fraction(1, 16), 2600)  # moments that are doubles
     picked = [0, 1, 700, 1311, 2599]
     exact = _exact(motion, n, gamma, [Fraction(k, 16) for k in picked])
-    theta = even.elongation([response], w)[0]
+    theta = even.elongation([response])[0]
     size = np.abs(theta).max()
     assert np.abs(theta[picked] - exact).max() < 3e-15 * size
     uneven = UnevenTimes(np.array(picked) / 16, Fraction(1))
-    assert np.abs(uneven.elongation([response], w)[0] - exact).max() < 3e-15 * size
+    assert np.abs(uneven.elongation([response])[0] - exact).max() < 3e-15 * size
     for times in (even, uneven):
-        parts = times.free_harmonic(response, w).real + times.slow([response], w)[0]
-        np.testing.assert_allclose(parts, times.elongation([response], w)[0], rtol=0, atol=3e-15 * size)
+        parts = times.free_harmonic(response).real + times.values(Sums(w, response.forced[None], motion.combs))[0]
+        np.testing.assert_allclose(parts, times.elongation([response])[0], rtol=0, atol=3e-15 * size)
 
 
 def test_stretches_make_the_whole() -> None:
     motion = _table()
     response = respond(N, 1e-3, START, motion, GRAVITY)
     times = EvenTimes(Fraction(1, 25), 4000)
-    whole = times.elongation([response], motion.angular_frequency)
-    parts = [
-        times.stretch(*each).elongation([response], motion.angular_frequency) for each in ((0, 1500), (1500, 4000))
-    ]
+    whole = times.elongation([response])
+    parts = [times.stretch(*each).elongation([response]) for each in ((0, 1500), (1500, 4000))]
     np.testing.assert_allclose(np.hstack(parts), whole, rtol=0, atol=1e-15)
 
 
@@ -127,19 +125,18 @@ def test_a_table_beside_other_motions() -> None:
     start = FreeStart(amplitude=0.0, phase=0.0)
     for times in (EvenTimes(Fraction(1, 16), 900), UnevenTimes(np.linspace(0.0, 50.0, 77), Fraction(1))):
         together = add(terms)
-        assert together.alone == 3
+        assert together.sums.alone == 3
         response = respond(N, 1e-3, start, together, GRAVITY)
-        w = together.angular_frequency
-        apart = [(respond(N, 1e-3, start, each, GRAVITY), each) for each in terms]
+        apart = [respond(N, 1e-3, start, each, GRAVITY) for each in terms]
         for found, expected in (
             (times.acceleration(together), sum(times.acceleration(each) for each in terms)),
             (
-                times.elongation([response], w)[0],
-                sum(times.elongation([each], motion.angular_frequency)[0] for each, motion in apart),
+                times.elongation([response])[0],
+                sum(times.elongation([each])[0] for each in apart),
             ),
             (
-                times.free_harmonic(response, w),
-                sum(times.free_harmonic(each, motion.angular_frequency) for each, motion in apart),
+                times.free_harmonic(response),
+                sum(times.free_harmonic(each) for each in apart),
             ),
         ):
             np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14 * np.abs(found).max())
@@ -155,7 +152,7 @@ def test_a_long_table_is_what_its_harmonics_say(monkeypatch: pytest.MonkeyPatch)
     times = EvenTimes(Fraction(1, 25), 4000)
     np.testing.assert_allclose(times.acceleration(motion), times.acceleration(alone), rtol=0, atol=1e-13)
     both = [respond(N, 1e-3, START, each, GRAVITY) for each in (motion, alone)]
-    theta = [times.elongation([each], motion.angular_frequency)[0] for each in both]
+    theta = [times.elongation([each])[0] for each in both]
     np.testing.assert_allclose(theta[0], theta[1], rtol=0, atol=1e-12 * np.abs(theta[0]).max())
 
 

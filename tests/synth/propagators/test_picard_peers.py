@@ -79,7 +79,7 @@ def _apparent_gravity_change(horizontal: HarmonicSum, vertical: HarmonicSum) -> 
     starts = []
     for phase in (0.4, 0.4 + np.pi):
         response = respond(N, 0.0, FreeStart(amplitude=1e-4, phase=phase), horizontal, GRAVITY)
-        starts.append(start_state(response, horizontal.angular_frequency))
+        starts.append(start_state(response))
     plan = PicardPlan(
         np.full(2, N), np.zeros(2), np.array(starts), horizontal, vertical, GRAVITY, EvenTimes(Fraction(1, rate), count)
     )

@@ -34,7 +34,7 @@ def test_linear_limit(times: EvenTimes | UnevenTimes) -> None:
     both = add([_table(1e-9), motion((0.6, 3e-9), (0.9 * N, 4e-10j))])
     theta, _ = make([(2e-9, 1e-9)], both, damping_rate=1e-3, times=times).elongation()
     response = respond(N, 1e-3, StateStart(angle=2e-9, angular_velocity=1e-9), both, GRAVITY)
-    linear = times.elongation([response], both.angular_frequency)
+    linear = times.elongation([response])
     # the table is not smooth: what its highest harmonics leave to collocation is resolved to 1e-13
     assert np.abs(theta - linear).max() <= 1e-12 * np.abs(linear).max()
 

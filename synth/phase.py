@@ -10,7 +10,6 @@ Plain double phases lose 1e-12 rad in an hour, which is 100 times what the simul
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +23,7 @@ Integers = NDArray[np.int64]
 Phasors = NDArray[np.complex128]
 
 _WORD = 1 << 64
-_GUARD = 128  # bits behind the point in 1/(2 pi) and in square roots
+_GUARD = 128  # bits behind the point in square roots
 _INVERSE_TURN = int(  # 1/(2 pi), 103 digits
     "1591549430918953357688837633725143620344596457404564487476673440588967976342265350901138027662530859560"
 )
@@ -79,8 +78,9 @@ def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Tu
     >>> bool(abs(angle[0, 0] - math.remainder(25200, 2 * math.pi)) < 3e-12)  # the right side is the poorer
     True
     """
-    a_radian = _units_a_radian(step.numerator, step.denominator)
-    return _turns([_fixed(frequency, a_radian) for frequency in angular_frequencies])
+    top, bottom = step.numerator * _INVERSE_TURN << 64 + _REST, step.denominator * _INVERSE_TURN_SCALE
+    ratios = (each.as_integer_ratio() for each in angular_frequencies)
+    return _turns([above * top // (below * bottom) for above, below in ratios])
 
 
 def rational_turns(turn: Fraction) -> Turns:
@@ -91,20 +91,6 @@ def rational_turns(turn: Fraction) -> Turns:
 def _turns(fixed: Sequence[int]) -> Turns:
     units = np.array([each >> _REST & _WORD - 1 for each in fixed], dtype=np.uint64)
     return Turns(units, np.array([each & _REST_MASK for each in fixed], dtype=np.float64) / (1 << _REST))
-
-
-@functools.lru_cache(maxsize=64)  # one record asks for the same step for its angles, its truth and its motion
-def _units_a_radian(numerator: int, denominator: int) -> int:
-    """Units of 2^-64 turn, with _GUARD bits behind the point, in one step of 1 rad/s."""
-    return (numerator * _INVERSE_TURN << 64 + _GUARD) // (denominator * _INVERSE_TURN_SCALE)
-
-
-def _fixed(frequency: float | Fraction, a_radian: int) -> int:
-    """Units of one harmonic in a step, with _REST bits behind the point."""
-    top, bottom = frequency.as_integer_ratio()
-    if bottom & (bottom - 1):
-        return top * a_radian // (bottom << _GUARD - _REST)
-    return top * a_radian >> _GUARD - _REST - 1 + bottom.bit_length()  # a power of two, as in every double: faster
 
 
 def full_turn(period: Fraction) -> Fraction:

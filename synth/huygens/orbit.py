@@ -41,7 +41,7 @@ def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Fl
     """
 
     n = start.size
-    space = Space(*np.zeros((11, n)), np.zeros((16, n)), np.zeros((7, n)))
+    space = Space._make([*np.zeros((11, n)), np.zeros((16, n)), np.zeros((7, n))])
 
     def flow(begin: Floats) -> Floats:
         states = np.empty((steps + 1, n))

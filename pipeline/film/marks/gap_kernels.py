@@ -30,6 +30,7 @@ RESULTS = 11  # of a gap, as `search.Gaps` has them
 ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, SLOPE, WIDTH, WIDTH_SIGMA, DEPTH, DEPTH_SIGMA, LIGHT, MISFIT = range(RESULTS)
 PARAMETERS = 6
 STEEPEST = 60.0  # slope of strokes whose gaps fit on a piece of film
+MOST_SLOPE = 1000.0  # of any line
 LAYERS = 9
 ROUNDS = 6
 FAINT = 0.02  # of the line's light: pixels with less of another line are used
@@ -54,7 +55,10 @@ class Patch(NamedTuple):
 
 @kernel
 def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
-    """Column of a curve and its slope at a row coordinate (cubic between the rows' centres); NaN beyond its ends."""
+    """Column of a curve and its slope at a row coordinate (cubic between the rows' centres).
+
+    NaN beyond its ends, and where it is steeper than any line: walking along it would not end.
+    """
     at = row - 0.5
     i = math.floor(at)
     if i < 0 or i + 1 >= course.size:
@@ -63,7 +67,10 @@ def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
     a, b, u, v = course[i], course[i + 1], slope[i], slope[i + 1]
     rise = b - a
     p, q = 3.0 * rise - 2.0 * u - v, u + v - 2.0 * rise
-    return a + x * (u + x * (p + x * q)), u + x * (2.0 * p + 3.0 * x * q)
+    lean = u + x * (2.0 * p + 3.0 * x * q)
+    if not abs(lean) < MOST_SLOPE:
+        return math.nan, math.nan
+    return a + x * (u + x * (p + x * q)), lean
 
 
 @kernel

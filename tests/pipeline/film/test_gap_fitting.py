@@ -9,6 +9,7 @@ import pytest
 from small_film import FOG, SCAN_RANGE, Film, Pixels, film
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.gap_kernels import Known, fit_gaps
 from pipeline.film.marks.search import Gaps, find_gaps, learned_width
 
 pytestmark = pytest.mark.compiled
@@ -142,3 +143,14 @@ def test_a_course_that_lies_early_where_it_is_far_out_is_not_taken_for_an_obliqu
     which, along, _ = errors(minute, gaps)
     assert gaps.size >= 0.9 * minute.when.size
     assert abs(np.polyfit(minute.column[0][which], along, 1, w=1.0 / gaps.row_sigma)[0]) < 0.1 * tilt
+
+
+def test_a_course_steeper_than_any_line_has_no_gap() -> None:
+    """Walking along it in steps of a spot would take hours: such courses are drawn where there is no film."""
+    courses, slopes = np.zeros((2, 1, 60))
+    courses[0, 30:], slopes[0, 28:32] = 1e12, 1e12
+    known = Known(1.2, 0.0, np.full(2, 0.01), 1.0, 0.1, 0.25, 30.0)
+    result = fit_gaps(
+        np.zeros((60, 200), np.float32), 0, courses, slopes, np.array([0]), np.array([30.0]), np.array([2.0]), known
+    )
+    assert np.isnan(result).all()

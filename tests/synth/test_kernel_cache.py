@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 import pytest
 
@@ -245,6 +246,21 @@ def test_of_processes_that_begin_together_one_compiles(tiny: Path) -> None:
     told = [line for each in together for line in each.communicate()[0].splitlines()]
     for value in ("20.0", "2.0", "-1.0"):
         assert sorted(line for line in told if line.startswith(f"{value} ")) == [f"{value} 0", *[f"{value} 1"] * 2]
+
+
+@pytest.mark.compiled
+def test_a_slice_that_does_not_fit_is_refused_as_by_numba_itself() -> None:
+    def assign(values: Any, to: Any) -> None:
+        to[1:] = values
+
+    to = np.zeros(4)
+    made = compiled.kernel(assign)
+    made(np.ones(3), to)
+    assert np.array_equal(to, [0.0, 1.0, 1.0, 1.0])
+    with pytest.raises(ValueError, match="slice from an array of another shape"):
+        made(np.ones(5), to)
+    with pytest.raises(ValueError, match="of shape"):  # other code of the process is let be
+        numba.njit(assign)(np.ones(5), to)
 
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:

@@ -124,6 +124,7 @@ def fitted(
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
     widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
     known = Known(tracks.spot, tracks.shear, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
+    traces = np.ascontiguousarray(traces)  # else all is compiled a second time
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
 
 

@@ -12,6 +12,7 @@ the paper moves all traces at once: what lasts in their differences is error.
 from __future__ import annotations
 
 import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ SHEARS = np.arange(-0.035, 0.035 + 1e-9, 0.00125)  # tangents that are tried, up
 BIN = 0.4  # px
 ENOUGH = 24  # gaps that agree, from which shear and offset are fitted; marks seen on several traces
 UNEVEN = 0.15  # of the marks' spacing
+CHANCE = 2.0  # roots of what another lag has
 LEAD_ODD, LEAD, SHARE = 3, 8, 0.08  # odd gaps, gaps, and share of them, by which the best lag must lead
 TOGETHER = 0.6  # of a gap's width, or one pixel
 LAGS, ENOUGH_PAIRS = 4, 40  # marks: two swings; pairs of marks a lag
@@ -51,8 +53,8 @@ class Events(NamedTuple):
     member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
 
 
-def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
-    """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
+def aligned(gaps: Gaps, traces: int, spacing: float, lag: float = 0.0) -> Alignment:
+    """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks, `lag` the shear."""
     offset, sure, shear = np.zeros(traces), True, 0.0
     first = gaps.pick(gaps.trace == 0)
     reach = FARTHEST + SHEARS[-1] * float(np.ptp(gaps.column))
@@ -66,7 +68,7 @@ def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
         i = np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low)
         tried = SHEARS if trace == 1 else np.array([shear])
         along, across = other.row[j] - first.row[i], other.column[j] - first.column[i]
-        odd = _odd(first.row, spacing)[i] & _odd(other.row, spacing)[j]
+        odd = _odd(first.row - lag * first.column, spacing)[i] & _odd(other.row - lag * other.column, spacing)[j]
         table, odd_table = (
             np.array([_tally((along - step * across)[which]) for step in tried]) for which in (slice(None), odd)
         )
@@ -109,7 +111,8 @@ def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
             at = int(near[at])
             peaks.append((int(odd[which, max(at - 1, 0) : at + 2].max()), int(table[which, at]), which, at))
     by_odd, *others = sorted(peaks, key=lambda peak: -peak[0])
-    if not others or by_odd[0] - others[0][0] >= LEAD_ODD:
+    # false gaps come with the swing, and so at the lags of its halves: of many the lead must be more than chance
+    if not others or by_odd[0] - others[0][0] >= max(LEAD_ODD, CHANCE * math.sqrt(others[0][0])):
         return by_odd[2], by_odd[3], by_odd[0] >= LEAD_ODD
     most = max(peak[1] for peak in peaks)
     near_best = [peak for peak in peaks if most - peak[1] < max(LEAD, SHARE * most)]

@@ -46,13 +46,18 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     """Gaps, or marks across the film, brought together over the traces and counted; as `axis.axis_of`."""
     gaps, across, traces = search.gaps, search.across, len(tracks.course)
     busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
-    spacing = spacing_of(gaps.row[gaps.trace == busiest])
+    freed, one = gaps.row - tracks.shear * gaps.column, gaps.trace == busiest
+    spacing = spacing_of(freed[one][np.argsort(freed[one])])
     if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
         raise RefusedError(
             f"film: marks lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
             f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
         )
-    alignment = aligned(gaps, traces, spacing) if across is None else Alignment(np.zeros(traces), across.shear, True)
+    alignment = (
+        aligned(gaps, traces, spacing, tracks.shear)
+        if across is None
+        else Alignment(np.zeros(traces), across.shear, True)
+    )
     gaps = with_marks(gaps, marks, tracks, alignment, spacing, search.width, across is not None)
     clock = Clock.of(marks, tracks, alignment, marking.interval)
     if across is None:

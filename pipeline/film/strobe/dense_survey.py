@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, label, uniform_filter1d
+from scipy.ndimage import affine_transform, find_objects, label, uniform_filter1d
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, row_means_present
@@ -36,17 +36,29 @@ SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
 Columns = tuple[int, int]  # First column, and the one behind the last
 
 
-def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
+def light_of(
+    exposure: NDArray[np.float32], left: int, right: int, least: float, shear: float = 0.0
+) -> tuple[Floats, Floats]:
     """Light of each row between two columns, (rows,), and its mean column, px; NaN without light.
 
-    A pixel is light from the exposure `least` on; `right` is the column behind the last.
+    A pixel is light from the exposure `least` on; `right` is the column behind the last. Rows run as the slit does: the
+    image lags by `shear` rows a column, about the middle one.
     """
     part = exposure[:, left:right]
     lit = np.where(part > least, np.minimum(part, np.float32(BRIGHTEST)), np.float32(0.0))
+    lit = sheared(lit, shear, 0.5 * (right - left - 1), 1)
     light = lit.sum(axis=1, dtype=np.float64)
     columns = (np.arange(left, right) + 0.5).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         return light, np.where(light > 0.0, (lit @ columns) / light, np.nan)
+
+
+def sheared(picture: NDArray[Any], shear: float, middle: float, order: int) -> NDArray[Any]:
+    """A picture whose columns come `shear` rows earlier each, about the middle one, by splines of an order."""
+    if shear == 0.0:
+        return picture
+    move: Any = affine_transform
+    return np.asarray(move(picture, [[1.0, shear], [0.0, 1.0]], (-shear * middle, 0.0), order=order, mode="nearest"))
 
 
 def faintest(emulsion: Emulsion) -> float:
@@ -78,10 +90,11 @@ class Saturated:
 
 
 class Survey(NamedTuple):
-    """Bands of a slow film from left to right, and the rows in a swing."""
+    """Bands of a slow film from left to right, the rows in a swing, and how the slit stands."""
 
     bands: tuple[Columns, ...]
     period: float
+    shear: float = 0.0  # rows by which the image lags per column
 
     def windows(self, columns: int) -> list[Columns]:
         """Columns in which the light of each band is searched: half way to the next band at most."""

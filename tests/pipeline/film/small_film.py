@@ -39,6 +39,7 @@ class Developed:
     """The film's own curve, known."""
 
     grain: float = 0.05
+    shear: float = 0.0  # as the swings of dense bands show it
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         density = -SCAN_RANGE * np.log10(np.maximum(np.arange(256), 0.5) / 255.0)

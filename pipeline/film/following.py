@@ -18,6 +18,7 @@ from pipeline.film.knowledge import Known
 from pipeline.film.marks.axis import axis_of
 from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
 from pipeline.film.marks.minutes import TimeReversedError
+from pipeline.film.marks.numbering import shear_of_marks
 from pipeline.film.marks.pieces import ROWS, over_pieces
 from pipeline.film.marks.search import GapSearch, find_gaps, search_gaps
 from pipeline.film.marks.stands import bars, free_columns, light_across, swept
@@ -211,6 +212,10 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     if _kind_of(marking, film) == "gaps":
         try:
             search = search_gaps(scan, emulsion, tracks, marking, jobs)
+            if dense and film.shear and len(tracks.course) > 1:  # marks show the slit's slant better than the swings
+                film = replace(film, shear=shear_of_marks(search.gaps, tracks))
+                tracks = dense_tracks(scan, film, known.count)
+                search = search_gaps(scan, emulsion, tracks, marking, jobs)
         except RefusedError as fault:
             search = fault
     return FilmTraces(scan, emulsion, tracks, following, film, search)

@@ -42,12 +42,21 @@ class Counted:
     contradicted: bool  # the minutes that codes show are not those of the clock times
 
 
+def usual_spacing(gaps: Gaps, tracks: Tracks) -> float:
+    """Rows between marks, by the trace that shows most."""
+    of_busiest = gaps.trace == np.argmax(np.bincount(gaps.trace, minlength=len(tracks.course)))
+    return spacing_of(np.sort((gaps.row - tracks.shear * gaps.column)[of_busiest]))
+
+
+def shear_of_marks(gaps: Gaps, tracks: Tracks) -> float:
+    """Rows by which the image lags per column, as the marks of several traces show it."""
+    return aligned(gaps, len(tracks.course), usual_spacing(gaps, tracks), tracks.shear).shear
+
+
 def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits) -> Counted:
     """Gaps, or marks across the film, brought together over the traces and counted; as `axis.axis_of`."""
     gaps, across, traces = search.gaps, search.across, len(tracks.course)
-    busiest = int(np.argmax(np.bincount(gaps.trace, minlength=traces)))
-    freed, one = gaps.row - tracks.shear * gaps.column, gaps.trace == busiest
-    spacing = spacing_of(freed[one][np.argsort(freed[one])])
+    spacing = usual_spacing(gaps, tracks)
     if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
         raise RefusedError(
             f"film: marks lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "

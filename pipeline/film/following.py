@@ -212,7 +212,7 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     if _kind_of(marking, film) == "gaps":
         try:
             search = search_gaps(scan, emulsion, tracks, marking, jobs)
-            if dense and film.shear and len(tracks.course) > 1:  # marks show the slit's slant better than the swings
+            if dense and film.shear:  # marks show the slit's slant better than the swings
                 film = replace(film, shear=shear_of_marks(search.gaps, tracks))
                 tracks = dense_tracks(scan, film, known.count)
                 search = search_gaps(scan, emulsion, tracks, marking, jobs)

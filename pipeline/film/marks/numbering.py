@@ -49,8 +49,8 @@ def usual_spacing(gaps: Gaps, tracks: Tracks) -> float:
 
 
 def shear_of_marks(gaps: Gaps, tracks: Tracks) -> float:
-    """Rows by which the image lags per column, as the marks of several traces show it."""
-    return aligned(gaps, len(tracks.course), usual_spacing(gaps, tracks), tracks.shear).shear
+    """Rows by which the image lags per column, as the marks of several traces show it; as the swings do if none can."""
+    return aligned(gaps, len(tracks.course), usual_spacing(gaps, tracks), tracks.shear).shear or tracks.shear
 
 
 def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits) -> Counted:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
+ASKEW = 0.5  # rows by which one end of the slit may lag behind the other
 Progress = Callable[[str, int, int], None]  # Told the stage, how much of it is done, and of how much
 
 
@@ -192,30 +193,43 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
 
     `RefusedError`: there are none.
     """
-    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
-    from pipeline.film.strobe.dense_survey import Saturated
     from pipeline.film.tracking.probing import measure_emulsion
     from pipeline.film.tracking.track import follow_traces
 
-    following: Following | None = None
-    emulsion: Emulsion
     if dense:
-        film = dense_emulsion(scan, known.count)
-        tracks, emulsion = dense_tracks(scan, film, known.count), Saturated(film)
-    else:
-        emulsion = film = measure_emulsion(scan)
-        told = None if progress is None else partial(progress, "traces")
-        following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=told)
-        tracks = hide(following.tracks, film.blank.across)
-    marking = known.marking(scan.scale)
-    search: GapSearch | RefusedError | None = None
-    if _kind_of(marking, film) == "gaps":
-        try:
-            search = search_gaps(scan, emulsion, tracks, marking, jobs)
-            if dense and film.shear:  # marks show the slit's slant better than the swings
-                film = replace(film, shear=shear_of_marks(search.gaps, tracks))
-                tracks = dense_tracks(scan, film, known.count)
-                search = search_gaps(scan, emulsion, tracks, marking, jobs)
-        except RefusedError as fault:
-            search = fault
-    return FilmTraces(scan, emulsion, tracks, following, film, search)
+        return _follow_bands(scan, known, jobs)
+    film = measure_emulsion(scan)
+    told = None if progress is None else partial(progress, "traces")
+    following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=told)
+    tracks = hide(following.tracks, film.blank.across)
+    return _searched(FilmTraces(scan, film, tracks, following, film, None), known, jobs)
+
+
+def _follow_bands(scan: OpenScan, known: Known, jobs: int) -> FilmTraces:
+    """Traces of a slow film, set upright."""
+    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
+    from pipeline.film.strobe.dense_survey import Saturated
+    from pipeline.film.strobe.lie import lie_of
+
+    lie, askew = lie_of(scan, known.count), 0.0
+    while True:
+        upright = scan.straightened(lie.lean, lie.shear + askew)
+        film = dense_emulsion(upright, known.count)
+        tracks = dense_tracks(upright, film, known.count)
+        traces = _searched(FilmTraces(upright, Saturated(film), tracks, None, film, None), known, jobs)
+        if askew or not any(lie) or not isinstance(traces.search, GapSearch):
+            return traces
+        askew = shear_of_marks(traces.search.gaps, len(tracks.course))  # marks show it better than swings
+        if abs(askew) * scan.columns < ASKEW:
+            return traces
+
+
+def _searched(traces: FilmTraces, known: Known, jobs: int) -> FilmTraces:
+    """The same with the gaps that its traces show, where these mark it."""
+    marking = known.marking(traces.scan.scale)
+    if _kind_of(marking, traces.film) != "gaps":
+        return traces
+    try:
+        return replace(traces, search=search_gaps(traces.scan, traces.emulsion, traces.tracks, marking, jobs))
+    except RefusedError as fault:
+        return replace(traces, search=fault)

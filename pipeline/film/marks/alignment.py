@@ -53,8 +53,8 @@ class Events(NamedTuple):
     member: Whole  # (traces, events), which gap shows it on each trace; -1 where none does
 
 
-def aligned(gaps: Gaps, traces: int, spacing: float, lag: float = 0.0) -> Alignment:
-    """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks, `lag` the shear."""
+def aligned(gaps: Gaps, traces: int, spacing: float) -> Alignment:
+    """Offsets and shear under which most gaps agree; `spacing` is about the rows between marks."""
     offset, sure, shear = np.zeros(traces), True, 0.0
     first = gaps.pick(gaps.trace == 0)
     reach = FARTHEST + SHEARS[-1] * float(np.ptp(gaps.column))
@@ -68,7 +68,7 @@ def aligned(gaps: Gaps, traces: int, spacing: float, lag: float = 0.0) -> Alignm
         i = np.arange(j.size) - np.repeat(np.cumsum(high - low) - high, high - low)
         tried = SHEARS if trace == 1 else np.array([shear])
         along, across = other.row[j] - first.row[i], other.column[j] - first.column[i]
-        odd = _odd(first.row - lag * first.column, spacing)[i] & _odd(other.row - lag * other.column, spacing)[j]
+        odd = _odd(first.row, spacing)[i] & _odd(other.row, spacing)[j]
         table, odd_table = (
             np.array([_tally((along - step * across)[which]) for step in tried]) for which in (slice(None), odd)
         )

@@ -42,31 +42,26 @@ class Counted:
     contradicted: bool  # the minutes that codes show are not those of the clock times
 
 
-def usual_spacing(gaps: Gaps, tracks: Tracks) -> float:
+def usual_spacing(gaps: Gaps, traces: int) -> float:
     """Rows between marks, by the trace that shows most."""
-    of_busiest = gaps.trace == np.argmax(np.bincount(gaps.trace, minlength=len(tracks.course)))
-    return spacing_of(np.sort((gaps.row - tracks.shear * gaps.column)[of_busiest]))
+    return spacing_of(gaps.row[gaps.trace == np.argmax(np.bincount(gaps.trace, minlength=traces))])
 
 
-def shear_of_marks(gaps: Gaps, tracks: Tracks) -> float:
-    """Rows by which the image lags per column, as the marks of several traces show it; as the swings do if none can."""
-    return aligned(gaps, len(tracks.course), usual_spacing(gaps, tracks), tracks.shear).shear or tracks.shear
+def shear_of_marks(gaps: Gaps, traces: int) -> float:
+    """Rows by which the image lags per column, as the marks of several traces show it; 0 where none can."""
+    return aligned(gaps, traces, usual_spacing(gaps, traces)).shear if gaps.size >= LEAST_MARKS else 0.0
 
 
 def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits) -> Counted:
     """Gaps, or marks across the film, brought together over the traces and counted; as `axis.axis_of`."""
     gaps, across, traces = search.gaps, search.across, len(tracks.course)
-    spacing = usual_spacing(gaps, tracks)
+    spacing = usual_spacing(gaps, traces)
     if marking.speed is not None and abs(spacing / (marking.speed * marking.interval) - 1.0) > SPEED_TOLERANCE:
         raise RefusedError(
             f"film: marks lie {spacing:.1f} rows apart, but {marking.speed:.4g} rows per second and marks every "
             f"{marking.interval:g} s make {marking.speed * marking.interval:.1f}; state the right speed or interval"
         )
-    alignment = (
-        aligned(gaps, traces, spacing, tracks.shear)
-        if across is None
-        else Alignment(np.zeros(traces), across.shear, True)
-    )
+    alignment = aligned(gaps, traces, spacing) if across is None else Alignment(np.zeros(traces), across.shear, True)
     gaps = with_marks(gaps, marks, tracks, alignment, spacing, search.width, across is not None)
     clock = Clock.of(marks, tracks, alignment, marking.interval)
     if across is None:

@@ -103,6 +103,16 @@ class OpenScan:
         degrees = (self.orientation + 180) % 360
         return replace(self, image=turned(self.image, CLOCKWISE[180]), notes=notes, orientation=degrees, directed=False)
 
+    def straightened(self, lean: float, shear: float) -> OpenScan:
+        """The same scan set upright: traces ran aside by `lean` columns a row, and lagged by `shear` rows a column."""
+        if not (lean or shear):
+            return self
+        from pipeline.film.scan.strips import straightened
+
+        by = np.degrees(np.arctan([lean, shear]))
+        notes = (*self.notes, f"traces ran aside by {by[0]:.2f} and the slit by {by[1]:.2f} degrees: set upright")
+        return replace(self, image=straightened(self.image, lean, shear), notes=notes)
+
 
 def open_scan(
     paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ScanOptions | None = None

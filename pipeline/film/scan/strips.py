@@ -38,6 +38,7 @@ EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
 MARGIN = 3  # rows that cubic convolution reaches beyond
 CHUNK = 1024  # rows resampled at a time
 Grey = NDArray[np.float32]
+Steps = tuple[float, float, float, float]  # Rows a row and a column, columns a row and a column
 
 
 class Placement(NamedTuple):
@@ -102,18 +103,44 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
     return replace(images[0], rows=rows, read=read)
 
 
+def straightened(image: Image, lean: float, shear: float) -> Image:
+    """An image whose pixel (i, j) was at (i + shear j, j + lean i), but for where it begins.
+
+    It has the rows that show all columns, and the columns that any row shows; beyond the edges these are repeated.
+    """
+    aside = math.ceil(abs(lean) * image.rows)
+    columns = image.columns + aside
+    late = math.ceil(abs(shear) * columns)
+    rows, begin = image.rows - late, complex(late if shear < 0.0 else 0.0, -aside if lean > 0.0 else 0.0)
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.empty((stop - first, columns), dtype=np.uint8 if image.full_scale == 255 else np.uint16)
+        for a in range(first, stop, CHUNK):
+            sample(image, begin + a * (1.0 + 1j * lean), (1.0, shear, lean, 1.0), pixels[a - first :][:CHUNK])
+        return pixels
+
+    return replace(image, rows=rows, columns=columns, read=read)
+
+
 def fill(part: Part, first: int, wanted: Pixels) -> None:
     """Rows of the film from `first` on, of one strip."""
-    begin, tilt = (first - part.offset) * cmath.exp(1j * part.turn), abs(part.turn) * wanted.shape[1]
-    low = min(max(0, math.floor(begin.real - tilt) - MARGIN), part.image.rows - 1)
-    high = min(part.image.rows, math.ceil(begin.real + wanted.shape[0] + tilt) + MARGIN)
-    source, top = part.image.read(low, max(high, low + 1)), float(part.image.full_scale)
-    resample(source, wanted, begin.real - low, begin.imag, math.cos(part.turn), math.sin(part.turn), top)
+    sine, cosine = math.sin(part.turn), math.cos(part.turn)
+    begin = (first - part.offset) * cmath.exp(1j * part.turn)
+    sample(part.image, begin, (cosine, -sine, sine, cosine), wanted)
+
+
+def sample(image: Image, begin: complex, steps: Steps, wanted: Pixels) -> None:
+    """Pixels of an image from the place `begin` (row + i column) on; see `resample`."""
+    ends = [begin.real + steps[0] * i + steps[1] * j for i in (0, wanted.shape[0]) for j in (0, wanted.shape[1])]
+    low = min(max(0, math.floor(min(ends)) - MARGIN), image.rows - 1)
+    high = min(image.rows, math.ceil(max(ends)) + MARGIN)
+    source, top = image.read(low, max(high, low + 1)), float(image.full_scale)
+    resample(source, wanted, begin.real - low, begin.imag, steps, top)
 
 
 @kernel
-def resample(source: Pixels, wanted: Pixels, row: float, column: float, cosine: float, sine: float, top: float) -> None:
-    """Fill `wanted` from `source`: pixel (i, j) is taken from (row + i cos - j sin, column + j cos + i sin).
+def resample(source: Pixels, wanted: Pixels, row: float, column: float, steps: Steps, top: float) -> None:
+    """Fill `wanted` from `source`: pixel (i, j) is taken from (row + i a + j b, column + i c + j d), steps a to d.
 
     Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated. Positions count from the first
     pixel's centre; `top` is the lightest value.
@@ -122,7 +149,7 @@ def resample(source: Pixels, wanted: Pixels, row: float, column: float, cosine: 
     down, across = np.empty(4), np.empty(4)
     for i in range(wanted.shape[0]):
         for j in range(wanted.shape[1]):
-            y, x = row + i * cosine - j * sine, column + j * cosine + i * sine
+            y, x = row + i * steps[0] + j * steps[1], column + i * steps[2] + j * steps[3]
             below, left, value = math.floor(y), math.floor(x), 0.0
             for u, weight in ((y - below, down), (x - left, across)):
                 weight[0], weight[1] = u * (-0.5 + u * (1.0 - 0.5 * u)), 1.0 + u * u * (-2.5 + 1.5 * u)

@@ -12,16 +12,15 @@ fitted to some blocks, twice: the first time with a curve guessed from the darke
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, plain_emulsion, shown_darkness
-from pipeline.film.marks.gap_kernels import LEAST_PACE
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.parts import Emulsion, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -36,7 +35,7 @@ from pipeline.film.strobe.dense_kernels import (
     node_table,
     values,
 )
-from pipeline.film.strobe.dense_survey import Survey, faintest, light_of, saturation, sheared, survey
+from pipeline.film.strobe.dense_survey import Survey, faintest, light_of, saturation, survey
 
 APART = 1.0  # spots across the line, by which two blocks may differ in the middle between them
 BETWEEN = 9  # places at which they are compared
@@ -54,9 +53,6 @@ LEAST_READ = 0.5  # of the blocks
 USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 PLACES, RUN = 10, 3  # runs of blocks to which the curve is fitted, spread over the film, and blocks in each
 TURNS, UNIT_TURNS = 2, 4
-STEEPEST, SHEARS, SWINGS = 0.035, 15, 4  # tangent of the slit's slant, and how many are tried; swings in a run
-LESS = 0.8  # of what is left of the rows' mean places with a slit that stands straight
-TURNS_OF_ROWS, MISSED = 20, 1e-3  # of Newton's method; rows
 PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are searched
 DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
 STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is compared
@@ -66,7 +62,7 @@ SURE = 0.02  # of darkness, and of the darkest, 1 sigma of a step's
 SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain is estimated
 
 
-def dense_tracks(scan: OpenScan, emulsion: FilmEmulsion, count: int | None) -> Tracks:
+def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
     """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
 
     Raises
@@ -74,7 +70,7 @@ def dense_tracks(scan: OpenScan, emulsion: FilmEmulsion, count: int | None) -> T
     RefusedError
         No swinging band was found, fewer than were expected, or most of one cannot be followed.
     """
-    found, spot = survey(scan, emulsion, count)._replace(shear=emulsion.shear), spot_of(scan)
+    found, spot = survey(scan, emulsion, count), spot_of(scan)
     middle = block_middles(scan.rows, found.period)
     shapes, lights = follow(scan, emulsion, found, middle)
     for (left, right), light in zip(found.bands, lights, strict=True):
@@ -84,10 +80,10 @@ def dense_tracks(scan: OpenScan, emulsion: FilmEmulsion, count: int | None) -> T
                 f"film: the swings in columns {left} to {right} can be followed over {100.0 * share:.0f} % "
                 f"of the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
             )
-    tracks = Tracks.empty(len(shapes), scan.rows, found.period, spot, found.shear)
-    for k, (shape, light, window) in enumerate(zip(shapes, lights, found.windows(scan.columns), strict=True)):
-        tracks.course[k], tracks.slope[k], tracks.curvature[k], tracks.brightness[k] = on_rows(
-            middle, shape, joined(shape, light, found.period, spot), found, 0.5 * sum(window), scan.rows
+    tracks = Tracks.empty(len(shapes), scan.rows, found.period, spot)
+    for k, (shape, light) in enumerate(zip(shapes, lights, strict=True)):
+        tracks.course[k], tracks.slope[k], tracks.curvature[k], tracks.brightness[k] = blended(
+            middle, shape, joined(shape, light, found.period, spot), found.period, scan.rows
         )
     tracks.qc[:] = np.where(np.isfinite(tracks.course), GAP, LOST)
     return tracks
@@ -103,39 +99,13 @@ def block_middles(rows: int, period: float) -> Floats:
     return np.asarray((np.arange(int(rows / period - 0.4)) + 0.7) * period, dtype=np.float64)
 
 
-def standing(scan: OpenScan, emulsion: Emulsion, found: Survey) -> Survey:
-    """With how the slit stands: so that the mean places of rows along it swing as the traces do, without overtones."""
-    period, spot, least, length = found.period, spot_of(scan), faintest(emulsion), int(RUN * SWINGS * found.period)
-    firsts = np.unique(np.linspace(0, max(scan.rows - length, 0), PLACES // 2).astype(int))
-    pieces = [exposed(scan, emulsion, first, min(first + length, scan.rows)) for first in firsts]
-
-    def overtones(shear: float) -> float:
-        away = []
-        for piece, window in product(pieces, found.windows(scan.columns)):
-            light, column = light_of(piece, *window, least, shear)
-            middle = np.arange(1.5 * period, light.size - 1.5 * period, period)
-            shapes = first_shapes(light, column, 0, middle, period, spot)
-            at = middle[:, None] + np.linspace(-0.5, 0.5, int(period))
-            shown = values(shapes[:, None], at - middle[:, None], period)[0]
-            away.append(np.abs(np.interp(at, np.arange(light.size) + 0.5, column) - shown).ravel())
-        return median_present(np.concatenate(away))
-
-    tried = np.linspace(-STEEPEST, STEEPEST, SHEARS)
-    best = int(np.nanargmin([overtones(float(shear)) for shear in tried]))
-    bounds = tried[max(best - 1, 0)], tried[min(best + 1, SHEARS - 1)]
-    likeliest = minimize_scalar(overtones, bounds=bounds, method="bounded", options={"maxiter": 8})
-    stands_askew = likeliest.fun < LESS * overtones(0.0)
-    return found._replace(shear=float(likeliest.x)) if stands_askew else found
-
-
 def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, middle: Floats) -> tuple[Floats, Floats]:
     """Curves (traces, blocks, SIZE) of blocks about the rows `middle`, and light of their lines; 0 if not believed."""
     period, spot, windows = found.period, spot_of(scan), found.windows(scan.columns)
     shapes, lights = np.zeros((len(windows), middle.size, SIZE)), np.zeros((len(windows), middle.size))
     canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
     brightest, table, least = saturation(emulsion), node_table(period, spot), faintest(emulsion)
-    aside = 0.5 * max(right - left for left, right in windows)
-    margin = int(period + 8.0 * spot + abs(found.shear) * aside) + 2
+    margin = int(period + 8.0 * spot) + 2
     for begin in range(0, scan.rows, PIECE):
         here = np.flatnonzero((middle >= begin) & (middle < begin + PIECE))
         if here.size == 0:
@@ -143,12 +113,11 @@ def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, middle: Floats) ->
         first = max(begin - margin, 0)
         piece = exposed(scan, emulsion, first, min(begin + PIECE + margin, scan.rows))
         for trace, window in enumerate(windows):
-            light, column = light_of(piece, *window, least, found.shear)
+            light, column = light_of(piece, *window, least)
             start = first_shapes(light, column, first, middle[here], period, spot)
             lit = np.isfinite(start[:, 0])
             if lit.any():
-                gain, centre = line_light(light, spot), 0.5 * sum(window)
-                known = Known(period, spot, gain, brightest, ROOM, table, canvas, found.shear, centre)
+                known = Known(period, spot, line_light(light, spot), brightest, ROOM, table, canvas)
                 at = here[lit]
                 shapes[trace, at], lights[trace, at] = fit_blocks(piece, first, start[lit], middle[at], known)
     return shapes, lights
@@ -206,27 +175,9 @@ def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     return np.where(good & (agree[:-1] | agree[1:]), light, 0.0)
 
 
-def on_rows(middle: Floats, shape: Floats, light: Floats, found: Survey, centre: float, rows: int) -> Floats:
-    """Course, slope, curvature and light by the image's rows, (4, rows); NaN where no block is good.
-
-    The slit crosses a row of the image elsewhere than where it would if it stood straight: where is found by Newton's
-    method. Rows that a stroke runs against are left out.
-    """
-    row = np.arange(rows) + 0.5
-    at, shear = row.copy(), found.shear
-    for _ in range(TURNS_OF_ROWS if shear else 0):
-        column, slope, _, _ = blended(middle, shape, light, found.period, at)
-        step = (at + shear * (column - centre) - row) / np.maximum(1.0 + shear * slope, LEAST_PACE)
-        at -= np.clip(np.nan_to_num(step), -1.0, 1.0)
-    course, slope, bend, _ = out = blended(middle, shape, light, found.period, at)
-    pace = 1.0 + shear * slope
-    out[1:3] = slope / pace, bend / pace**3
-    out[:, (pace < LEAST_PACE) | (np.abs(at + shear * (course - centre) - row) > MISSED)] = np.nan
-    return out
-
-
-def blended(middle: Floats, shape: Floats, light: Floats, period: float, at: Floats) -> Floats:
-    """Course, slope, curvature and light at some rows, (4, n); NaN where no block is good."""
+def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: int) -> Floats:
+    """Course, slope, curvature and light by rows, (4, rows); NaN where no block is good."""
+    at = np.arange(rows) + 0.5
     before = np.floor((at - middle[0]) / period).astype(np.int64)  # the block whose middle is the last one passed
     first, second = np.clip(before, 0, middle.size - 1), np.clip(before + 1, 0, middle.size - 1)
     x = (at - middle[0]) / period - before
@@ -246,6 +197,21 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, at: Flo
     return out
 
 
+def first_emulsion(scan: OpenScan) -> FilmEmulsion:
+    """Blank film, and a guess of the curve: turning points of slow films are saturated, and suggest its end."""
+    plain, height = plain_emulsion(scan), min(ROWS, scan.rows)
+    darkest = [
+        float(np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE)) for first in pieces_of(scan)
+    ]
+    least = max(DARKEST * float(np.median(darkest)), 3.0 * float(np.sqrt(plain.grain[0])))
+    return replace(plain, curve=replace(plain.curve, darkest=least))
+
+
+def pieces_of(scan: OpenScan) -> list[int]:
+    """First rows of some pieces of a film."""
+    return [int(first) for first in np.linspace(0, scan.rows - min(ROWS, scan.rows), PIECES + 2)[1:-1]]
+
+
 def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
 
@@ -255,18 +221,12 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
         It shows no swinging bands, or others than were expected.
     """
     height = min(ROWS, scan.rows)
-    firsts = np.linspace(0, scan.rows - height, PIECES + 2).astype(int)[1:-1].tolist()
-    plain = plain_emulsion(scan)
-    # turning points of slow films are saturated: their darkest pixels suggest the curve's end
-    darkest = [float(np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE)) for first in firsts]
-    least, blank = 3.0 * float(np.sqrt(plain.grain[0])), float(plain.grain[0])
-    emulsion = replace(plain, curve=replace(plain.curve, darkest=max(DARKEST * float(np.median(darkest)), least)))
-    found = standing(scan, emulsion, survey(scan, emulsion, count))
-    emulsion = replace(emulsion, shear=found.shear)
+    emulsion = first_emulsion(scan)
+    found, blank = survey(scan, emulsion, count), float(emulsion.grain[0])
     for _ in range(UNIT_TURNS):  # exposure about 1 on the axis of a line at rest: a trace lights every row alike
         gain = [
             line_light(light_of(exposure, *window, faintest(emulsion))[0], spot_of(scan))
-            for exposure in (exposed(scan, emulsion, first, first + height) for first in firsts)
+            for exposure in (exposed(scan, emulsion, first, first + height) for first in pieces_of(scan))
             for window in found.windows(scan.columns)
         ]
         middle = emulsion.curve.middle / float(np.median(gain))
@@ -297,8 +257,7 @@ def drawn_light(scan: OpenScan, emulsion: FilmEmulsion, found: Survey) -> Floats
             course, slope = table @ shapes[trace, block]
             begin = middle[block] - 0.5 * (course.size - 1) * node - top
             draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
-            curve = sheared(canvas[:, left:right], -found.shear, 0.5 * (right - left - 1), 3)
-            drawn = lights[trace, block] / usual * curve
+            drawn = lights[trace, block] / usual * canvas[:, left:right]
             lit = drawn > FAINTEST * drawn.max()
             dark = shown_darkness(emulsion, scan, top, top + rows)[:, left:right]
             pixels.append(np.stack([drawn[lit], dark[lit]]))

@@ -101,8 +101,6 @@ class Known(NamedTuple):
     room: Floats  # (SIZE,), 1 sigma of what a shape may differ from where it began, px
     nodes: Floats  # of `node_table`
     canvas: Floats  # to draw on, at least as large as a block's surroundings
-    shear: float = 0.0  # rows by which the image lags per column; curves are those of a slit that stands straight
-    centre: float = 0.0  # column at which they lie on the image's rows
 
 
 @kernel
@@ -158,7 +156,7 @@ def fit_block(
     Returns the light of the line over that of its slope, 0 where the block cannot be fitted, and the share of points
     that count.
     """
-    half, spot, gain, brightest, room, _, canvas, shear, centre = known
+    half, spot, gain, brightest, room, _, canvas = known
     turn = 2.0 * math.pi / half
     start = shape.copy()
     normal, right, basis = np.empty((SIZE, SIZE)), np.empty(SIZE), np.empty(SIZE)
@@ -189,8 +187,7 @@ def fit_block(
             seen = drawn = odd = gram = 0.0
             for k in range(2 * ACROSS + 1):
                 n = APART * spot * (k - ACROSS)
-                late = shear * (column + n * dc - centre)
-                value = look(exposure, first, row + n * dr + late, column + n * dc)
+                value = look(exposure, first, row + n * dr, column + n * dc)
                 expected = light * look(picture, top, row + n * dr, column + n * dc - left)
                 if math.isnan(value + expected):
                     continue

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import affine_transform, find_objects, label, uniform_filter1d
+from scipy.ndimage import find_objects, label, uniform_filter1d
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats, row_means_present
+from pipeline.arrays import Floats, median_present, row_means_present
 from pipeline.film.marks.pieces import exposed
 from pipeline.film.marks.search import commonest
 from pipeline.film.parts import Emulsion
@@ -36,29 +36,17 @@ SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
 Columns = tuple[int, int]  # First column, and the one behind the last
 
 
-def light_of(
-    exposure: NDArray[np.float32], left: int, right: int, least: float, shear: float = 0.0
-) -> tuple[Floats, Floats]:
+def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
     """Light of each row between two columns, (rows,), and its mean column, px; NaN without light.
 
-    A pixel is light from the exposure `least` on; `right` is the column behind the last. Rows run as the slit does: the
-    image lags by `shear` rows a column, about the middle one.
+    A pixel is light from the exposure `least` on; `right` is the column behind the last.
     """
     part = exposure[:, left:right]
     lit = np.where(part > least, np.minimum(part, np.float32(BRIGHTEST)), np.float32(0.0))
-    lit = sheared(lit, shear, 0.5 * (right - left - 1), 1)
     light = lit.sum(axis=1, dtype=np.float64)
     columns = (np.arange(left, right) + 0.5).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         return light, np.where(light > 0.0, (lit @ columns) / light, np.nan)
-
-
-def sheared(picture: NDArray[Any], shear: float, middle: float, order: int) -> NDArray[Any]:
-    """A picture whose columns come `shear` rows earlier each, about the middle one, by splines of an order."""
-    if shear == 0.0:
-        return picture
-    move: Any = affine_transform
-    return np.asarray(move(picture, [[1.0, shear], [0.0, 1.0]], (-shear * middle, 0.0), order=order, mode="nearest"))
 
 
 def faintest(emulsion: Emulsion) -> float:
@@ -90,11 +78,11 @@ class Saturated:
 
 
 class Survey(NamedTuple):
-    """Bands of a slow film from left to right, the rows in a swing, and how the slit stands."""
+    """Bands of a slow film from left to right, the rows in a swing, and how far bands run aside."""
 
     bands: tuple[Columns, ...]
     period: float
-    shear: float = 0.0  # rows by which the image lags per column
+    lean: float = 0.0  # columns per row
 
     def windows(self, columns: int) -> list[Columns]:
         """Columns in which the light of each band is searched: half way to the next band at most."""
@@ -117,11 +105,13 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     length, least = min(scan.rows, int(SWINGS * USUAL_SWING)), faintest(emulsion)
     shown: list[list[Columns]] = []
     periods: list[float] = []
+    places: list[list[float]] = []  # first row, and mean column of each band
     for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]).tolist():
         piece = exposed(scan, emulsion, begin, begin + length)
         if here := bands(piece > least, count):
             shown.append(here)
             periods.append(rows_per_swing(piece, here, least))
+            places.append([begin, *(mean_place(light_of(piece, *band, least)[1]) for band in here)])
     numbers = [len(here) for here in shown]
     count = count or int(np.median(numbers or [1]))
     whole = np.array([here for here in shown if len(here) == count])
@@ -137,7 +127,16 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
             f"film: sections disagree on the rows in a swing ({min(periods):.1f} to {max(periods):.1f}); "
             "cut the film where its speed changes and read the parts one by one"
         )
-    return Survey(tuple(edges), float(np.median(agreeing)))
+    row, *columns = np.array([each for each in places if len(each) == count + 1]).T
+    a, b = np.triu_indices(row.size, 1)
+    leans = np.concatenate([(column[b] - column[a]) / (row[b] - row[a]) for column in columns])
+    return Survey(tuple(edges), float(np.median(agreeing)), median_present(leans) if leans.size else 0.0)
+
+
+def mean_place(column: Floats) -> float:
+    """Mean column of a section's light, (rows,), free of its swings: ends fade; NaN without light."""
+    weight = np.where(np.isfinite(column), np.hanning(column.size + 2)[1:-1], 0.0)
+    return float(np.nansum(weight * column) / weight.sum()) if weight.any() else float("nan")
 
 
 def bands(lit: NDArray[np.bool_], count: int | None) -> list[Columns]:

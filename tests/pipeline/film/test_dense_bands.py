@@ -15,7 +15,7 @@ from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Tracks
 from pipeline.film.strobe import dense_survey
-from pipeline.film.strobe.dense import blended, joined, on_rows, unlike, usual_swing
+from pipeline.film.strobe.dense import blended, joined, unlike, usual_swing
 from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, first_shapes, values
 from pipeline.film.strobe.dense_survey import Saturated, Survey, bands, light_of, saturation, survey
 from pipeline.film.strobe.reading import AT_TURNS, BEND, UNKNOWN_BEND, bends
@@ -63,19 +63,6 @@ def test_first_curves_follow_a_swell_as_large_as_the_swing(trace: Swinging, colu
             1.0, trace.slope(middle + away)
         )
         assert np.median(np.abs(across)) < 0.5 * SPOT
-
-
-def test_along_the_slit_every_row_is_lit_alike() -> None:
-    slow = Swinging(290.0, 40.0, 2.0, 29.3)
-    oblique = 0.05 * exposure_of([slow], 80, 370, shear=0.03).astype(np.float32)
-    inside = slice(10, 70)
-    along, column = light_of(oblique, 210, 370, 0.0, 0.03)
-    assert along[inside].max() < 1.1 * along[inside].min()
-    across = light_of(oblique, 210, 370, 0.0)[0][inside]
-    assert across.max() > 1.5 * across.min()
-    row = np.arange(80)[inside] + 0.5
-    blurred = 290.0 + np.exp(-0.5 * (2 * np.pi / 29.3 * SPOT) ** 2) * (slow.column(row - 0.03 * 290.0) - 290.0)
-    assert np.abs(column[inside] - blurred).max() < 0.6
 
 
 def test_a_block_in_the_dark_has_no_curve() -> None:
@@ -151,7 +138,7 @@ def test_a_block_beside_its_neighbours_is_left_out() -> None:
     shape[3, 0] += 80.0
     kept = joined(shape, np.ones(6), PERIOD, SPOT)
     np.testing.assert_array_equal(kept, [1, 1, 1, 0, 1, 1])
-    course = blended(middle, shape, kept, PERIOD, np.arange(int(7 * PERIOD)) + 0.5)[0]
+    course = blended(middle, shape, kept, PERIOD, int(7 * PERIOD))[0]
     row = np.arange(course.size) + 0.5
     np.testing.assert_allclose(course, 50.0 + 30.0 * np.cos(2 * np.pi * row / PERIOD), atol=1e-9)
 
@@ -159,30 +146,11 @@ def test_a_block_beside_its_neighbours_is_left_out() -> None:
 def test_a_blended_curve_is_smooth() -> None:
     middle, shape = chain(4)
     shape[:, 0] += [0.0, 1.0, 0.0, -1.0]
-    course, slope, curvature, lit = blended(middle, shape, np.array([1.0, 1.0, 0.5, 1.0]), PERIOD, np.arange(80) + 0.5)
+    course, slope, curvature, lit = blended(middle, shape, np.array([1.0, 1.0, 0.5, 1.0]), PERIOD, 80)
     np.testing.assert_allclose(slope[2:-2], np.gradient(course)[2:-2], atol=0.3)
     np.testing.assert_allclose(curvature[2:-2], np.gradient(slope)[2:-2], atol=0.3)
     assert lit.min() == pytest.approx(0.5, abs=0.02)
-    assert np.isnan(blended(middle, shape, np.zeros(4), PERIOD, np.arange(90) + 0.5)[0]).all()
-
-
-@pytest.mark.parametrize("shear", [0.0175, -0.0175])
-def test_a_course_on_the_rows_of_an_oblique_image_lies_on_the_same_curve(shear: float) -> None:
-    middle, shape = chain(6)
-    centre = 60.0
-    course, slope, bend, _ = on_rows(middle, shape, np.ones(6), Survey((), PERIOD, shear), centre, 120)
-    row = np.arange(120) + 0.5
-    upright = row - shear * (course - centre)
-    turn = 2 * np.pi / PERIOD
-    known = np.isfinite(course)
-    assert known.all()
-    np.testing.assert_allclose(course, 50.0 + 30.0 * np.cos(turn * upright), atol=1e-2 * 30.0 * turn)
-    np.testing.assert_allclose(slope[2:-2], np.gradient(course)[2:-2], atol=0.6)
-    np.testing.assert_allclose(bend[2:-2], np.gradient(slope)[2:-2], atol=0.6)
-    # rows that strokes run against have several places: what is told is one of them
-    steep = on_rows(middle, shape, np.ones(6), Survey((), PERIOD, 8.0 * shear), centre, 120)[0]
-    many = 50.0 + 30.0 * np.cos(turn * (row - 8.0 * shear * (steep - centre)))
-    np.testing.assert_allclose(steep, np.where(np.isnan(steep), np.nan, many), atol=1e-2 * 30.0 * turn)
+    assert np.isnan(blended(middle, shape, np.zeros(4), PERIOD, 90)[0]).all()
 
 
 def test_a_swing_that_is_not_its_neighbours_is_found() -> None:

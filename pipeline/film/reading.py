@@ -23,6 +23,7 @@ READINGS = ("auto", "continuous", "strobe")
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
 ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
+CLOSE, OFTEN, LEAST_AT_MARKS = 16.5, 1.9, 0.8  # spots between strokes; marks a swing; share of them that is read
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
 SPEED_TOLERANCE = 0.03
@@ -107,7 +108,7 @@ def read_traces(
     fast = axis.rows_per_second >= SLOW
     if reading == "auto":
         whole = fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= LEAST_ACCEPTED)
-        reading = "continuous" if whole else "strobe"
+        reading = "continuous" if whole and not better_at_marks(tracks, axis, strobe) else "strobe"
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
         between = normal_points(tracks, axis, rate or _rate(tracks, axis))
@@ -119,6 +120,13 @@ def read_traces(
         raise RefusedError(f"{which} could be read by the {reading} reading; look at it with isochrony plot")
     left_out, edits = traces.placed.left_out, traces.placed.edits
     return Reading(scan, tracks, axis, strobe, samples, reading, scale, difference, tuple(notes), left_out, edits)
+
+
+def better_at_marks(tracks: Tracks, axis: TimeAxis, strobe: Strobe) -> bool:
+    """Whether strokes lie so close that marks twice a swing tell more: beside gaps and turns rows are read badly."""
+    close = 0.5 * tracks.rows_per_swing < CLOSE * tracks.spot
+    often = tracks.rows_per_swing > OFTEN * axis.interval * axis.rows_per_second
+    return close and often and float(np.isfinite(strobe.position).mean(axis=1).min()) >= LEAST_AT_MARKS
 
 
 def at_marks(strobe: Strobe, axis: TimeAxis) -> Samples:

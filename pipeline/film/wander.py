@@ -8,6 +8,7 @@ crease are left out.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -56,11 +57,12 @@ class Event(NamedTuple):
 NONE = Event(0.0, 0.0, 0.0, 0.0)
 
 
-def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
+def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
     """How paper moved at each sample, `time` (samples,) s; None where no difference shows that it did.
 
-    `column` (traces, samples) is that of the traces, px, NaN where nothing was read; `sums` (traces,) are those of the
-    pendulums' weights in each trace, 0 of a difference; `period` is that of the swing, s.
+    `row` (samples,) px is where along the film each lies. `column` (traces, samples) is that of the traces, px, NaN
+    where nothing was read; `sums` (traces,) are those of the pendulums' weights in each trace, 0 of a difference;
+    `period` is that of the swing, s.
     """
     differences = np.abs(sums) < 1e-9
     if not differences.any():
@@ -71,9 +73,10 @@ def paper_motion(time: Floats, column: Floats, sums: Floats, period: float) -> P
         aside, hidden = event.moves(time)
         shift, creased = shift + aside, creased | hidden
     rest = np.where(creased, np.nan, column - shift)[differences]
-    known = [each for each in (slow_part(time, own, period) for own in rest) if each is not None]
-    if known and float(np.std(np.mean(known, axis=0))) > SHOWS:
-        shift = shift + np.mean(known, axis=0)
+    for part in (partial(even_part, row), slow_part):
+        known = [each for each in (part(time, own, period) for own in rest) if each is not None]
+        if known and float(np.std(aside := np.mean(known, axis=0))) > SHOWS:
+            shift, rest = shift + aside, rest - aside
     if not shift.any() and not creased.any():
         return None
     steps = tuple(sorted(event.time for event in found if not event.length))
@@ -144,6 +147,16 @@ def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[
         Event(float(at[k]), float(lengths[b]), float(size[k, b]), float(excess[k, b])) if excess[k, b] > 0.0 else NONE
         for k, b in enumerate(best)
     ]
+
+
+def even_part(row: Floats, time: Floats, column: Floats, period: float) -> Floats | None:
+    """How the trace runs aside evenly by rows, as on a film that lies turned, (samples,) px; None with too few."""
+    known = np.isfinite(column)
+    if np.count_nonzero(known) < LEAST:
+        return None
+    along = 2.0 * (row - row[0]) / np.ptp(row) - 1.0
+    terms = swing_terms(along[known], (time[known] - time[known].mean()) / period, 2, 4)
+    return np.asarray(np.linalg.lstsq(terms, column[known], rcond=None)[0][1] * (along - along.mean()))
 
 
 def slow_part(time: Floats, column: Floats, period: float) -> Floats | None:

@@ -48,17 +48,24 @@ class Outcome:
     def words(self) -> str:
         """The best explanation, and how close others come."""
         model = self.fit.model
-        law = "sine" if model.assumed.sine else "linear"
         faults = apparatus.faults_found(self.fit.solution)
         named = [words for words in model.words if not any(fault.startswith(f"{words}:") for fault in faults)]
         repeating = model.problem.repeating
         errors = f"errors repeating with the swing: {repeating.max():.2g} rad" if repeating.size else ""
-        parts = [f"restoring = {law}", *([errors] if errors else []), *named, *faults, *self.still]
-        near = [
-            f"{(other.words or ('nothing else',))[-1]} at {value - self.fit.solution.log_likelihood:+.1f}"
-            for value, other, _ in self.close
-        ]
+        parts = [f"restoring = {law(model)}", *([errors] if errors else []), *named, *faults, *self.still]
+        others: dict[str, float] = {}  # the likeliest of each kind
+        for value, other, _ in self.close:
+            words, ahead = _difference(model, other), value - self.fit.solution.log_likelihood
+            others[words] = max(others.get(words, ahead), ahead)
+        near = [f"{words} at {ahead:+.1f}" for words, ahead in others.items()]
         return "; ".join(parts) + (f" (close in log-likelihood: {', '.join(near)})" if near else "")
+
+
+def _difference(model: explanation.Model, other: explanation.Model) -> str:
+    """What another explanation says, in a word."""
+    if other.assumed.sine != model.assumed.sine:
+        return f"restoring = {law(other)}"
+    return (other.words or ("nothing else",))[-1]
 
 
 def reduce(gathered: Gathered) -> Outcome:
@@ -76,8 +83,9 @@ def reduce(gathered: Gathered) -> Outcome:
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
+        mean, sigma = choice.averaged(fit, close)
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
-            fit, close = weighed([(fit, close), choice.settle(found[1])], reference)
+            fit, close, mean, sigma = weighed([(fit, close), choice.settle(found[1])], reference)
     except motion.UnresolvedError:
         return reduce(gathered.denser())
     except np.linalg.LinAlgError as error:
@@ -86,7 +94,6 @@ def reduce(gathered: Gathered) -> Outcome:
             "record/combination and the units (rad, s)"
         ) from None
     tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit, reference)
-    mean, sigma = choice.averaged(fit, close)
     mean += tilt
     if not fit.model.assumed.sine:
         fit = explanation.fitted(fit.model, fit.path, smooth=True)
@@ -174,19 +181,19 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     tilted = motion.reshaped(tilted) if fit.model.words else tilted
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
-    law, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
+    told, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
     own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
     apart = other - own
     # kicks follow the differences wherever they go: what they make of all traces is compared
-    against = better > TILTS if "kicks" in fit.model.words else law > of_the_law(fit) + least
+    against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
-    if much and against and law > of_the_law(plain) + least and better > 0.0:  # what helps these alone is no tilt
+    if much and against and told > of_the_law(plain) + least and better > 0.0:  # what helps these alone is no tilt
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
-    ahead = min(law - of_the_law(fit), better)
+    ahead = min(told - of_the_law(fit), better)
     share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
     if share < UNLIKELY:
         return 0.0, 0.0
@@ -206,8 +213,11 @@ def of_the_law(fit: explanation.Fitted) -> float:
 
 def weighed(
     laws: list[tuple[explanation.Fitted, list[explanation.Candidate]]], reference: float
-) -> tuple[explanation.Fitted, list[explanation.Candidate]]:
-    """The likelier of two laws; refused where that says little and much hangs on it.
+) -> tuple[explanation.Fitted, list[explanation.Candidate], float, float]:
+    """The likelier of two laws, with gravity over reference gravity and its 1 sigma over both as far as they are close.
+
+    The plain fit is likelier under the first. Where the other overtakes it by what it adds, which may make up for a
+    wrong law, nothing tells them apart short of a decisive lead. Refused where they are close and much hangs on it.
 
     Raises
     ------
@@ -218,16 +228,26 @@ def weighed(
     order = [0, 1] if values[0] >= values[1] else [1, 0]
     (fit, close), (other, others) = (laws[k] for k in order)
     ahead = values[order[0]] - values[order[1]]
-    apart = abs(choice.averaged(fit, close)[0] - choice.averaged(other, others)[0]) * reference / MGAL
+    (mean, sigma), (second, wide) = choice.averaged(fit, close), choice.averaged(other, others)
+    apart = abs(mean - second) * reference / MGAL
     if apart > MOST_APART and ahead < (DECISIVE if choice.unexplained(fit) > DOUBTFUL else CLOSE):
-        first, second = ("sine" if each.model.assumed.sine else "linear" for each in (fit, other))
         raise RefusedError(
-            f"instrument attribute restoring: not stated, and the readings do not tell it: '{first}' is ahead of "
-            f"'{second}' by {ahead:.1f} in log-likelihood, their gravities lie {apart:.0f} mGal apart; state restoring"
+            f"instrument attribute restoring: not stated, and the readings do not tell it: '{law(fit.model)}' is ahead "
+            f"of '{law(other.model)}' by {ahead:.1f} in log-likelihood, their gravities lie {apart:.0f} mGal apart; "
+            "state restoring"
         )
-    if ahead < CLOSE:
+    overtaken = order[0] == 1 and ahead < DECISIVE
+    if ahead < CLOSE or overtaken:
         close = [*close, other.candidate()._replace(value=fit.solution.log_likelihood - ahead)]
-    return fit, close
+        share = HALF if overtaken else 1.0 / (1.0 + np.exp(ahead))
+        variance = (1.0 - share) * sigma**2 + share * wide**2 + share * (1.0 - share) * (mean - second) ** 2
+        mean, sigma = mean + share * (second - mean), float(np.sqrt(variance))
+    return fit, close, mean, sigma
+
+
+def law(model: explanation.Model) -> str:
+    """The law of restoring in a word."""
+    return "sine" if model.assumed.sine else "linear"
 
 
 def fitted(gathered: Gathered) -> list[explanation.Fitted]:

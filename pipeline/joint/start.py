@@ -27,6 +27,7 @@ UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
+AGAIN = 3  # times at most that outliers are sought
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
 
 
@@ -209,7 +210,14 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
     ship = tuple(each for each in model.assumed.ship if each.axis != "vertical")
     level = replace(model.assumed, kick=none, ship=ship)
     fits = _level_or_heaving(replace(model, assumed=level, begun=ship), best)
-    return None if fits is None else motion.reshaped(reconsidered(fits[0].model, fits[0], problem))
+    if fits is None:
+        return None
+    fit = fits[0]
+    for _ in range(AGAIN):  # less noise shows more that lies far off
+        fit = motion.reshaped(reconsidered(fit.model, fit, problem))
+        if np.nanmax(np.abs(fit.of.whitened)) < GATE:
+            break
+    return fit
 
 
 def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | None:

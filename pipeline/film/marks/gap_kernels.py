@@ -344,7 +344,7 @@ def fit_gap(
         a += right[1]
         b = max(b + right[2], 0.02 * a)
         d += min(max(right[3], -2.0 * sideways), 2.0 * sideways)
-        w = min(max(w + right[4], 0.3 * width), 2.0 * width)
+        w = min(max(w + right[4], 0.3 * width), 2.0 * width + 2.0 * spot)
         h += min(max(right[5], -2.0 * LEAD), 2.0 * LEAD)
         if not (a > 0.01) or abs(m - mark) > width + 1.0 or math.isnan(m):
             return False

@@ -23,7 +23,7 @@ from pipeline.film.tracking.pieces import BOTH, Piece, combined
 from pipeline.film.tracking.row_reading import read_piece
 
 LEAST_LACK, SIGNIFICANT = 0.12, 6.0  # of a row's light, and sigma of the light missing in all, from which it is a gap
-LATERAL, LENGTH_PRIOR = 0.1, 0.25  # px, 1 sigma of the course across the line; of the length
+LATERAL, LENGTH_PRIOR = 0.1, 1.0  # px, 1 sigma of the course across the line; of the length
 MOST_SIGMA = 0.5  # rows, of a fit that is believed
 LEAST_OPEN = 0.7  # share of the light let through under which a row counts as lying in a gap
 VISIBLE = 4.0
@@ -40,6 +40,7 @@ DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
 SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
 FLOOR = 0.006  # spots, of the normal: what model and calibration leave
+BESIDE, WHOLE, STEEP = 0.018, 0.995, 3.0  # the same beside a gap, which takes more light; where a turn hides its ends
 LOST_SWINGS = 0.3  # without a reading on either side
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
@@ -158,7 +159,8 @@ def judge(
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
-    gap = followed & (open_share < LEAST_OPEN)
+    beside = open_share < WHOLE
+    gap = followed & ((open_share < LEAST_OPEN) | (beside & (np.abs(slope) < STEEP)))
     unsure = followed & (disagreement > DISAGREEMENT)
     shared = followed & (variance > SHARED * alone)
     spread = np.where(shared, variance, np.minimum(variance, _usual(alone / stretch, followed) * stretch))
@@ -180,7 +182,8 @@ def judge(
         "outlier": ~gap & ~shared & ~accepted & ~unsure & ~black,
     }.items():
         qc[followed & rows] |= ELONGATION_FLAGS[name]
-    sigma = np.sqrt(variance * np.maximum(1.0, misfit) + (FLOOR * optics.spot) ** 2 * stretch)
+    floor = np.where(beside, BESIDE, FLOOR) * optics.spot
+    sigma = np.sqrt(variance * np.maximum(1.0, misfit) + floor**2 * stretch)
     return np.where(accepted, place + shift, np.nan), np.where(accepted, sigma, np.nan), qc
 
 

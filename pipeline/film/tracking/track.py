@@ -36,6 +36,7 @@ LEAST_READ = 0.15  # of the rows, and of the share of the best trace
 STRANGE = 4.0  # mean square residual, in units of the grain's, of more than a line
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read in half a swing, from which a trace is there
+NEAR_SWING = 1.5  # of a first guess of the rows in a swing
 LEAST_LINE = 0.5  # of a swing, from which a line drawn by hand starts a trace
 LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
 
@@ -102,6 +103,7 @@ class Following:
         pieces, idle = range(len(film.pieces)), Filter.idle(traces, film.period)
         out._forward(pieces, deepcopy(idle), [(swing.row, swing.state) for swing in section.swings])
         out._backward(pieces, idle)
+        out.tracks = replace(tracks, rows_per_swing=usual_swing(tracks))
         return out
 
     def again(self, edits: Placed, jobs: int = 1) -> Following:
@@ -253,6 +255,18 @@ def follow_traces(
         )
     film = Film(scan, emulsion, optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
     return Following.of(film, first_section(film, section))
+
+
+def usual_swing(tracks: Tracks) -> float:
+    """Rows in a full swing: the usual distance of turns to the same side, of all traces; as told before without any."""
+    apart = []
+    for slope in (*tracks.slope, *-tracks.slope):
+        before = np.flatnonzero((slope[:-1] > 0.0) & (slope[1:] <= 0.0))
+        turns = before + slope[before] / (slope[before] - slope[before + 1])
+        apart.append(np.diff(turns))
+    rows = np.concatenate(apart)
+    rows = rows[(rows > tracks.rows_per_swing / NEAR_SWING) & (rows < NEAR_SWING * tracks.rows_per_swing)]
+    return float(np.median(rows)) if rows.size else tracks.rows_per_swing
 
 
 def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:

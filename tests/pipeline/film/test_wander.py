@@ -23,7 +23,7 @@ def traces(paper: np.ndarray, sway: np.ndarray = STILL) -> np.ndarray:
 @pytest.mark.parametrize("period", [8.0, 20.0, 90.0])
 def test_slow_wander_is_taken_off(period: float) -> None:
     paper, sway = 12.0 * np.sin(2.0 * np.pi / period * TIME), 20.0 * np.cos(0.3 * TIME)
-    found = paper_motion(TIME, traces(paper, sway), SUMS, PERIOD)
+    found = paper_motion(TIME, TIME, traces(paper, sway), SUMS, PERIOD)
     assert found is not None
     inside = slice(50, -50)
     left = found.shift - (paper - paper.mean())
@@ -33,16 +33,33 @@ def test_slow_wander_is_taken_off(period: float) -> None:
 
 def test_a_film_that_lies_askew_is_straight_to_its_ends() -> None:
     paper = 1.5 * TIME
-    found = paper_motion(TIME, traces(paper), SUMS, PERIOD)
+    found = paper_motion(TIME, TIME, traces(paper), SUMS, PERIOD)
     assert found is not None
     np.testing.assert_allclose(found.shift, paper - paper.mean(), atol=0.1)
+
+
+@pytest.mark.parametrize("every", [1, 6])
+def test_an_inexact_period_leaves_an_even_drift_even(every: int) -> None:
+    """Six: samples at the marks alone."""
+    paper = 0.3 * TIME
+    found = paper_motion(TIME[::every], TIME[::every], traces(paper)[:, ::every], SUMS, 1.03 * PERIOD)
+    assert found is not None
+    np.testing.assert_allclose(found.shift, (paper - paper[::every].mean())[::every], atol=0.4)
+
+
+def test_a_turned_film_runs_aside_by_rows() -> None:
+    row = 47.0 * TIME * (1.0 + 1e-4 * TIME)  # the paper speeds up
+    paper = 0.01 * row
+    found = paper_motion(TIME, row, traces(paper), SUMS, PERIOD)
+    assert found is not None
+    np.testing.assert_allclose(found.shift, paper - paper.mean(), atol=0.02)
 
 
 def test_steps_are_taken_off() -> None:
     """Also two within two swings, and beside a swell."""
     at, sizes = np.array([60.3, 152.0, 153.7, 240.51]), np.array([3.0, -1.2, 2.0, -4.0])
     paper = (sizes[:, None] * (at[:, None] <= TIME)).sum(axis=0)
-    found = paper_motion(TIME, traces(paper, 8.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
+    found = paper_motion(TIME, TIME, traces(paper, 8.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
     assert found is not None
     assert (len(found.steps), found.creases) == (4, 0)
     left = (found.shift - paper)[~found.creased]
@@ -53,7 +70,7 @@ def test_steps_are_taken_off() -> None:
 @pytest.mark.parametrize("length", [0.25, 0.5, 0.8])
 def test_creases_are_left_out(length: float) -> None:
     paper = 4.0 * np.exp(-np.abs(TIME - 80.03) / length) - 3.0 * np.exp(-np.abs(TIME - 200.7) / length)
-    found = paper_motion(TIME, traces(paper, 5.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
+    found = paper_motion(TIME, TIME, traces(paper, 5.0 * np.cos(0.6 * TIME)), SUMS, PERIOD)
     assert found is not None
     assert found.creases >= 2
     assert np.abs(paper[~found.creased]).max() < 0.6
@@ -64,11 +81,11 @@ def test_what_one_trace_does_alone_is_not_the_paper() -> None:
     column = traces(STILL)
     column[1, TIME > 150.0] += 3.0
     column[0, np.abs(TIME - 60.0) < 0.3] -= 4.0
-    assert paper_motion(TIME, column, SUMS, PERIOD) is None
+    assert paper_motion(TIME, TIME, column, SUMS, PERIOD) is None
 
 
 def test_a_ship_alone_is_no_wander() -> None:
-    assert paper_motion(TIME, traces(STILL, 30.0 * np.cos(0.3 * TIME)), SUMS, PERIOD) is None
+    assert paper_motion(TIME, TIME, traces(STILL, 30.0 * np.cos(0.3 * TIME)), SUMS, PERIOD) is None
 
 
 def test_white_noise_has_no_events() -> None:
@@ -77,7 +94,7 @@ def test_white_noise_has_no_events() -> None:
 
 def test_without_a_difference_nothing_tells() -> None:
     paper = 12.0 * np.sin(0.3 * TIME)
-    assert paper_motion(TIME, traces(paper, paper), np.array([1.0, 1.0]), PERIOD) is None
+    assert paper_motion(TIME, TIME, traces(paper, paper), np.array([1.0, 1.0]), PERIOD) is None
 
 
 def test_gaps_and_short_records() -> None:

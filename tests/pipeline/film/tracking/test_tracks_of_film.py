@@ -178,3 +178,19 @@ def test_no_swap_in_a_thousand_crossings(seed):
     assert sorted(which) == list(range(count))
     assert not np.any((np.abs(pull) > 5.0) & (np.abs(across) > 1.0))
     assert np.isfinite(across).mean() > 0.78
+
+
+def test_rows_beside_short_gaps_keep_to_the_line():
+    """Of a gap no longer than the spot the light that it takes tells the length, not what the darkest row lacks."""
+    trace, gaps = Swinging(200.0, 65.0, 0.3, 24.0), shutter(ROWS, 11.9, 1.4)
+    tracks = read(developed(exposure_of([trace], ROWS, COLUMNS, gaps)), 1)
+    across, pull, _, _ = errors(tracks, [trace])
+    row = np.arange(ROWS) + 0.5
+    middle = gaps.mean(axis=1)
+    away = row - middle[np.argmin(np.abs(row[:, None] - middle), axis=1)]
+    slope = trace.slope(row)
+    beside = np.isfinite(across[0]) & (np.abs(slope) > 3.0) & (np.abs(away) < 3.0)
+    assert beside.sum() > 150
+    outwards = (across[0] * np.sign(slope) * np.sign(away))[beside]
+    assert abs(outwards.mean()) < 0.012
+    assert np.sqrt(np.mean(pull[0, beside] ** 2)) < 1.5

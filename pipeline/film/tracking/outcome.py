@@ -46,13 +46,13 @@ MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
 
 def read_both(
-    emulsion: FilmEmulsion, optics: Optics, tracks: Tracks, misfit: NDArray[np.float32], first: int,
+    emulsion: FilmEmulsion, optics: Optics, period: float, tracks: Tracks, misfit: NDArray[np.float32], first: int,
     darkness: NDArray[np.float32], forth: Piece, back: Piece, above: int, light: Floats,
 ) -> None:  # fmt: skip
     """Fill the piece's rows of `tracks` and `misfit` (traces, rows of the film); pieces do not touch each other's.
 
-    `darkness` is that of the rows from `first` on, `light` (traces, more rows) the brightness of the lines from `above`
-    rows before them on, NaN where not followed.
+    `period` is the rows in a swing, `darkness` that of the rows from `first` on, `light` (traces, more rows) the
+    brightness of the lines from `above` rows before them on, NaN where not followed.
     """
     rows = len(darkness)
     course = combined(forth, back, optics.spot, optics.shear)
@@ -63,11 +63,11 @@ def read_both(
     slope = rate / gain
     margin = round(MARGIN_SPOTS * optics.spot)
     low, high = max(0, above - margin), min(light.shape[1], above + rows + margin)
-    lamps = np.stack([lamp_course(each, tracks.rows_per_swing) for each in light])
+    lamps = np.stack([lamp_course(each, period) for each in light])
     gaps = [
         find_gaps(each[low:high], lamp[low:high], first - above + low) for each, lamp in zip(light, lamps, strict=True)
     ]
-    gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, tracks.rows_per_swing)
+    gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, period)
     gap_of = np.concatenate([[0], np.cumsum([len(each) for each in gaps])])
     part, inside = slice(first, first + rows), slice(above, above + rows)
     lamp = np.ascontiguousarray(lamps[:, inside])

@@ -156,7 +156,7 @@ class Following:
         film, tracks = self.film, self.tracks
 
         def read(piece: tuple[Any, ...]) -> int:
-            read_both(film.emulsion, film.optics, tracks, self.misfit, *piece)
+            read_both(film.emulsion, film.optics, film.period, tracks, self.misfit, *piece)
             return int(piece[0])
 
         for first in in_order(read, self._followed_back(pieces, begun), film.jobs):

@@ -49,7 +49,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
         harmonics = [k for k in HARMONICS if k < highest]
         if not harmonics or own.size < LEAST:
             continue
-        size, turn = _swing(fit, trace, own)
+        size, turn = swing_of(fit, trace, own)
         if max(abs(fit.of.whitened[own] @ turn**k) ** 2 for k in harmonics) < PAYS * own.size:
             continue
         rest = lattice.value[own] - angles(fit, lattice.time[own]) @ lattice.combination[trace]
@@ -72,7 +72,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
     return fitted(replace(fit.model, problem=moved), fit.path)
 
 
-def _swing(fit: Fitted, trace: int, own: np.ndarray) -> tuple[Floats, np.ndarray]:
+def swing_of(fit: Fitted, trace: int, own: np.ndarray) -> tuple[Floats, np.ndarray]:
     """At a trace's readings: its amplitude over the mean, less one, (n,), and the unit phasor of its swing, (n,)."""
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     angle, speed = (fit.path[:, k : 2 * problem.pendulums : 2] @ lattice.combination[trace] for k in (0, 1))

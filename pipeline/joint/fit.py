@@ -16,7 +16,7 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import OUTLIER
 from pipeline.joint.problem import LEVEL
 from pipeline.joint.start import CAPTURE, first_fits
-from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, short_waves
+from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves
 
 MGAL = 1e-5  # m s-2
 MOST_APART = 10.0  # mGal
@@ -102,7 +102,8 @@ def reduce(gathered: Gathered) -> Outcome:
     hidden, doubt = change_in_gaps(fit, row)
     lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
-    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit))
+    repeating = doubt_by_repeating(fit, row) if gathered.film else 0.0
+    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)

@@ -16,6 +16,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import kinds
 from pipeline.joint.constants import total
 from pipeline.joint.explanation import Fitted, angles, fitted
+from pipeline.joint.film_errors import swing_of
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Sea, density
 from pipeline.joint.whiteness import CALM, Spectrum, beside_the_swing, transfer
@@ -28,6 +29,7 @@ LEAST_MODES = 0.5
 SHORT = (0.6, 0.8, 1.0, 1.25)  # of the swing's frequency, of short waves
 BROAD = 0.3  # of theirs, a width
 LIFTS = np.geomspace(0.1, 10.0, 9)  # of what sways a ship so fast, what lifts it: planes of swing face any way
+ALIASED = 2.5  # harmonics, from which on those of a swing show in the readings
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
 HALF_FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
 NEAR = 0.2  # of a square of frequencies: closer to resonance motion has no steady response
@@ -146,6 +148,29 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
         value[own] = readings
         values.append(_refitted(fit, replace(problem, lattice=replace(lattice, value=value))))
     return float(gravity @ (values[0] - values[1]))
+
+
+def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
+    """1 sigma of gravity over itself by errors of a film's readings that repeat with the swing; `gravity` as above.
+
+    Of readings denser than its harmonics these show, and are taken off (`film_errors`). Those at marks meet them as
+    errors that change no faster than the marks pass through the swing: each harmonic may be as large as the noise.
+    """
+    problem, lattice, model = fit.model.problem, fit.model.problem.lattice, fit.model
+    values = np.array([each.value for each in fit.solution.constants])
+    square = 0.0
+    for trace in range(problem.traces):
+        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(fit.of.whitened))
+        if not own.size or lattice.spacing[trace] * problem.swing * ALIASED < np.pi:
+            continue
+        _, turn = swing_of(fit, trace, own)
+        for wave in (turn**2, turn**3):
+            for part in (wave.real, wave.imag):
+                value = lattice.value.copy()
+                value[own] += model.assumed.noise[trace] * part
+                moved = replace(problem, lattice=replace(lattice, value=value))
+                square += float(gravity @ (_refitted(fit, moved) - values)) ** 2
+    return float(np.sqrt(square))
 
 
 def _refitted(fit: Fitted, problem: Problem) -> Floats:

@@ -78,7 +78,7 @@ def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Track
         if share < LEAST_READ:
             raise RefusedError(
                 f"film: the swings in columns {left} to {right} can be followed over {100.0 * share:.0f} % "
-                f"of the film, {100.0 * LEAST_READ:.0f} % are needed; give the traces' number, or cut the film"
+                f"of the film, {100.0 * LEAST_READ:.0f} % are needed; scan at 300 dpi or more, or cut the film"
             )
     tracks = Tracks.empty(len(shapes), scan.rows, found.period, spot)
     for k, (shape, light) in enumerate(zip(shapes, lights, strict=True)):

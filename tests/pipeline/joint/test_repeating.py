@@ -11,8 +11,10 @@ from test_method import in_sigmas, record
 
 from pipeline import process, summaries
 from pipeline.joint import film_errors
+from pipeline.joint.course import mean_row
 from pipeline.joint.fit import fitted
 from pipeline.joint.gather import gather
+from pipeline.joint.unfollowed import doubt_by_repeating
 
 pytestmark = pytest.mark.compiled
 RATE = {"sampling_rate": 25, "noise": 5e-6}
@@ -69,3 +71,18 @@ def test_a_third_harmonic_may_be_the_optics() -> None:
     amplitude, third = 0.012, 6e-7
     arc = 2.0 * amplitude**2 / 8.0 * 3.0 * third / amplitude
     assert arc < film_errors.doubt_by_optics(fit) < 2.5 * arc
+
+
+@pytest.mark.parametrize(("duration", "least", "most"), [(60.0, 2.0, 10.0), (900.0, 1e-3, 0.02)])
+def test_at_marks_what_repeats_with_the_swing_is_in_sigma(duration: float, least: float, most: float) -> None:
+    """Marks come nearly twice a swing: within a beat of 50 s the harmonics pass for the swing itself."""
+    dense, gravity = record(recording={"sampling_rate": 20, "noise": 5e-6}, motion=[], duration=duration)
+    made = with_harmonics(dense, 3e-6).isel(time=slice(None, None, 10))
+    made["film"] = xr.DataTree(xr.Dataset())
+    found = summaries(process(made, method="joint"))[0]
+    assert abs(in_sigmas(found, gravity)) < 3.0
+    fit = fitted(gather(made))[0]
+    row = mean_row(fit.solution, fit.model.problem.lattice.duration)
+    doubt = doubt_by_repeating(fit, row) * gravity / 1e-5
+    assert least < doubt < most
+    assert doubt < found["gravity_sigma_mgal"]

@@ -81,6 +81,8 @@ def course_at(tracks: Tracks, axis: TimeAxis, trace: int, seconds: Floats, insta
     `seconds` (rows,) are those of `row_times`.
     """
     timed = np.flatnonzero(np.isfinite(seconds))
+    if timed.size < 2:
+        return np.full(instants.shape, np.nan)
     ordered = np.maximum.accumulate(seconds[timed])
     row = np.interp(instants, ordered, timed + 0.5, left=np.nan, right=np.nan)
     # Shear makes time curved within a row: one step of Newton after the straight line.

@@ -64,8 +64,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
     column, period = samples.column[order], reading.tracks.rows_per_swing / axis.rows_per_second
-    timed = np.flatnonzero(np.isfinite(axis.seconds))
-    row = np.interp(samples.time, np.maximum.accumulate(axis.seconds[timed]), timed)
+    row = np.interp(samples.time, axis.index * axis.interval, axis.row)
     paper = paper_motion(samples.time, row, column, combination.sum(axis=1), period)
     if paper is not None:
         column = np.where(paper.creased, np.nan, column - paper.shift)

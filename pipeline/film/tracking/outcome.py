@@ -40,7 +40,7 @@ DISAGREEMENT = 6.0
 WORST_NORMAL = 0.35  # spots: a reading no better than that is left out
 SHARED = 1.5  # growth of the variance by other traces from which on a row is flagged
 FLOOR = 0.006  # spots, of the normal: what model and calibration leave
-BESIDE, WHOLE, STEEP = 0.018, 0.995, 3.0  # the same beside a gap, which takes more light; where a turn hides its ends
+BESIDE, WHOLE, STEEP = 0.018, 0.995, 3.0  # the same beside a gap, more where the line turns, which hides its ends
 LOST_SWINGS = 0.3  # without a reading on either side
 MARGIN_SPOTS = 16  # of gaps, beyond a piece
 
@@ -182,7 +182,7 @@ def judge(
         "outlier": ~gap & ~shared & ~accepted & ~unsure & ~black,
     }.items():
         qc[followed & rows] |= ELONGATION_FLAGS[name]
-    floor = np.where(beside, BESIDE, FLOOR) * optics.spot
+    floor = np.where(beside, BESIDE * (1.0 + 2.0 * STEEP / np.maximum(np.abs(slope), STEEP)), FLOOR) * optics.spot
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + floor**2 * stretch)
     return np.where(accepted, place + shift, np.nan), np.where(accepted, sigma, np.nan), qc
 

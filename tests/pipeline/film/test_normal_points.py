@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.film.normal_points import between_rows, normal_points, row_times
+from pipeline.film.normal_points import between_rows, course_at, normal_points, row_times
 from pipeline.film.parts import TimeAxis, Tracks
 
 ROWS_PER_SECOND, PERIOD, AMPLITUDE = 59.06, 1.00966, 118.0
@@ -176,3 +176,9 @@ def test_a_curve_is_a_quintic_between_rows() -> None:
     tracks = dataclasses.replace(tracks, **{name: values[None] for name, values in curve.items()})
     np.testing.assert_allclose(between_rows(tracks, 0, x), 1e-3 * x**5, rtol=1e-10)
     assert np.isnan(between_rows(tracks, 0, np.array([np.nan]))).all()
+
+
+def test_a_trace_that_was_never_followed_has_no_course():
+    tracks, axis = film(20.0)
+    tracks.course[1] = np.nan
+    assert np.isnan(course_at(tracks, axis, 1, row_times(tracks, axis, 1), np.arange(3.0))).all()

@@ -20,6 +20,7 @@ from pipeline.film.normal_points import swing_terms
 SWINGS = 3.0  # of a window in which the slow part is told from the swing
 REACH = 2.5  # swings on either side of an event
 LEAST = 24  # samples of a window
+SPARSE = 0.6  # of a swing between samples
 SHOWS = 2.0  # px, 1 sigma of a wander that is taken off
 CREASES = (0.25, 0.5)  # swings in which a crease fades on either side
 HIDES = 3.0  # such lengths, in which it is left out
@@ -150,9 +151,12 @@ def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[
 
 
 def even_part(row: Floats, time: Floats, column: Floats, period: float) -> Floats | None:
-    """How the trace runs aside evenly by rows, as on a film that lies turned, (samples,) px; None with too few."""
+    """How the trace runs aside evenly by rows, as on a film that lies turned, (samples,) px; None with too few.
+
+    Of less than two samples a swing the swing itself seems slow.
+    """
     known = np.isfinite(column)
-    if np.count_nonzero(known) < LEAST:
+    if np.count_nonzero(known) < LEAST or np.median(np.diff(time)) > SPARSE * period:
         return None
     along = 2.0 * (row - row[0]) / np.ptp(row) - 1.0
     terms = swing_terms(along[known], (time[known] - time[known].mean()) / period, 2, 4)

@@ -47,6 +47,13 @@ def test_an_inexact_period_leaves_an_even_drift_even(every: int) -> None:
     np.testing.assert_allclose(found.shift, (paper - paper[::every].mean())[::every], atol=0.4)
 
 
+def test_a_swing_that_is_read_once_is_no_drift() -> None:
+    """By marks a second apart it seems to swing in 104 s."""
+    time = np.arange(0.0, 150.0)
+    beat = 95.0 * np.cos(2.0 * np.pi / 1.009760966 * time + 0.3)
+    assert paper_motion(time, time, np.stack([300.0 + beat, 900.0 + beat]), SUMS, 1.01 * PERIOD) is None
+
+
 def test_a_turned_film_runs_aside_by_rows() -> None:
     row = 47.0 * TIME * (1.0 + 1e-4 * TIME)  # the paper speeds up
     paper = 0.01 * row

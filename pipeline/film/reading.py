@@ -24,6 +24,7 @@ RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
 ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 CLOSE, OFTEN, LEAST_AT_MARKS = 16.5, 1.9, 0.8  # spots between strokes; marks a swing; share of them that is read
+BESIDE = 3.5  # spots from a mark, within which its gap takes light
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
 SPEED_TOLERANCE = 0.03
@@ -109,6 +110,8 @@ def read_traces(
     if reading == "auto":
         whole = fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= LEAST_ACCEPTED)
         reading = "continuous" if whole and not better_at_marks(tracks, axis, strobe) else "strobe"
+    if close(tracks):
+        tracks = clear_of_marks(tracks, axis)
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
         between = normal_points(tracks, axis, rate or _rate(tracks, axis))
@@ -124,9 +127,24 @@ def read_traces(
 
 def better_at_marks(tracks: Tracks, axis: TimeAxis, strobe: Strobe) -> bool:
     """Whether strokes lie so close that marks twice a swing tell more: beside gaps and turns rows are read badly."""
-    close = 0.5 * tracks.rows_per_swing < CLOSE * tracks.spot
     often = tracks.rows_per_swing > OFTEN * axis.interval * axis.rows_per_second
-    return close and often and float(np.isfinite(strobe.position).mean(axis=1).min()) >= LEAST_AT_MARKS
+    return close(tracks) and often and float(np.isfinite(strobe.position).mean(axis=1).min()) >= LEAST_AT_MARKS
+
+
+def close(tracks: Tracks) -> bool:
+    """Whether the strokes of a swing lie so close that rows beside gaps are read badly."""
+    return 0.5 * tracks.rows_per_swing < CLOSE * tracks.spot
+
+
+def clear_of_marks(tracks: Tracks, axis: TimeAxis) -> Tracks:
+    """The same without the rows that a gap takes light from."""
+    position, rows = tracks.position.copy(), np.arange(tracks.position.shape[1]) + 0.5
+    for own, found, offset in zip(position, axis.row_of_trace, axis.offset, strict=True):
+        marks = np.sort(np.where(np.isfinite(found), found, axis.row + offset))
+        after = np.clip(np.searchsorted(marks, rows), 1, max(marks.size - 1, 1))
+        away = np.minimum(np.abs(rows - marks[after - 1]), np.abs(marks[np.minimum(after, marks.size - 1)] - rows))
+        own[away < BESIDE * tracks.spot] = np.nan
+    return replace(tracks, position=position)
 
 
 def at_marks(strobe: Strobe, axis: TimeAxis) -> Samples:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from pipeline.film.comparing import PhaseDifference, clock_uncertainty
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
-from pipeline.film.reading import film_scale
+from pipeline.film.reading import clear_of_marks, close, film_scale
 from pipeline.film.record import make_record, match, summary
 
 TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
@@ -241,3 +242,14 @@ def test_a_time_axis_that_drifts_is_an_uncertainty_of_the_chronometer(tmp_path):
     at_marks = make_record(reading(tmp_path, seconds=600.0, kind="strobe"), Known(described()), "a")
     assert "chronometer_rate" not in at_marks["instrument"].dataset
     assert clock_uncertainty(reading(tmp_path, seconds=60.0).difference, 1.01) is None
+
+
+def test_close_strokes_are_read_clear_of_their_gaps(tmp_path):
+    made = reading(tmp_path)
+    assert not close(made.tracks)
+    tracks = replace(made.tracks, spot=2.0)
+    assert close(tracks)
+    clear = clear_of_marks(tracks, made.axis)
+    row = np.arange(clear.position.shape[1]) + 0.5
+    near = np.abs(row[:, None] - made.axis.row).min(axis=1) < 3.5 * 2.0
+    np.testing.assert_array_equal(np.isnan(clear.position[0]), near)

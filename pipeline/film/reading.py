@@ -141,9 +141,8 @@ def clear_of_marks(tracks: Tracks, axis: TimeAxis) -> Tracks:
     position, rows = tracks.position.copy(), np.arange(tracks.position.shape[1]) + 0.5
     for own, found, offset in zip(position, axis.row_of_trace, axis.offset, strict=True):
         marks = np.sort(np.where(np.isfinite(found), found, axis.row + offset))
-        after = np.clip(np.searchsorted(marks, rows), 1, max(marks.size - 1, 1))
-        away = np.minimum(np.abs(rows - marks[after - 1]), np.abs(marks[np.minimum(after, marks.size - 1)] - rows))
-        own[away < BESIDE * tracks.spot] = np.nan
+        nearest = marks[np.searchsorted(0.5 * (marks[1:] + marks[:-1]), rows)]
+        own[np.abs(rows - nearest) < BESIDE * tracks.spot] = np.nan
     return replace(tracks, position=position)
 
 

@@ -29,7 +29,7 @@ LEAST_MODES = 0.5
 SHORT = (0.6, 0.8, 1.0, 1.25)  # of the swing's frequency, of short waves
 BROAD = 0.3  # of theirs, a width
 LIFTS = np.geomspace(0.1, 10.0, 9)  # of what sways a ship so fast, what lifts it: planes of swing face any way
-ALIASED = 2.5  # harmonics, from which on those of a swing show in the readings
+ALIASED = 2.5  # times the swing's frequency: readings that do not resolve it alias the harmonics
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
 HALF_FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
 NEAR = 0.2  # of a square of frequencies: closer to resonance motion has no steady response
@@ -153,8 +153,8 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
 def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
     """1 sigma of gravity over itself by errors of a film's readings that repeat with the swing; `gravity` as above.
 
-    Of readings denser than its harmonics these show, and are taken off (`film_errors`). Those at marks meet them as
-    errors that change no faster than the marks pass through the swing: each harmonic may be as large as the noise.
+    Readings that are dense enough show its harmonics, which are taken off (`film_errors`). Those at marks alias them
+    onto the swing: the second and the third may each be as large as the noise.
     """
     problem, lattice, model = fit.model.problem, fit.model.problem.lattice, fit.model
     values = np.array([each.value for each in fit.solution.constants])

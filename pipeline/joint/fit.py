@@ -8,12 +8,11 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion
-from pipeline.joint.constants import is_mode
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import OUTLIER
+from pipeline.joint.outliers import of_the_law
 from pipeline.joint.problem import LEVEL
 from pipeline.joint.start import CAPTURE, first_fits
 from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves
@@ -199,17 +198,6 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     if share < UNLIKELY:
         return 0.0, 0.0
     return 0.5 * share * apart, abs(apart) * float(np.sqrt(share / 3.0 - 0.25 * share**2))
-
-
-def of_the_law(fit: explanation.Fitted) -> float:
-    """Log-likelihood of the differences beside what was read before them: it tells the law.
-
-    That of the other traces hangs on how well the sea's spectrum is met.
-    """
-    of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
-    rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
-    rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
-    return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 
 def weighed(

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus
-from pipeline.joint.constants import Constants
+from pipeline.joint.constants import Constants, is_mode
 from pipeline.joint.explanation import Fitted, Model, attempted, grown, priced, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
@@ -157,6 +157,17 @@ def better(model: Model, fit: Fitted) -> Fitted:
 def standing(fit: Fitted) -> float:
     """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
     return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
+
+
+def of_the_law(fit: Fitted) -> float:
+    """Log-likelihood of the differences beside what was read before them: it tells the law.
+
+    That of the other traces hangs on how well the sea's spectrum is met.
+    """
+    of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
+    rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
+    rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
+    return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 
 def stretch(problem: Problem, first: int, last: int) -> tuple[int, int]:

@@ -26,7 +26,7 @@ LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 FARTHEST = 100.0  # rad
-KEPT = 2**26  # bytes that are kept at once for the smoother
+KEPT = 2**28  # bytes that are kept at once for the smoother; what does not fit is gone through twice
 
 
 @dataclass(frozen=True)

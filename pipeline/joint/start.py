@@ -12,7 +12,7 @@ from pipeline.joint import apparatus, kinds, motion, outliers
 from pipeline.joint.constants import Constant, Constants, starts
 from pipeline.joint.explanation import Fitted, Model, attempted, fitted
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import GATE, better, deviation, isolated, reconsidered, smoothed, standing
+from pipeline.joint.outliers import GATE, better, deviation, isolated, of_the_law, reconsidered, smoothed, standing
 from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
@@ -27,6 +27,7 @@ UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
+HOPELESS = 1000.0  # in log-likelihood, of a law in a cold start
 AGAIN = 3  # times at most that outliers are sought
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
 
@@ -51,7 +52,8 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     """Fit the stated law, or both where none is stated, in any order.
 
     Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
-    left out, pendulums knocked, and all parameters of the ship sought.
+    left out, pendulums knocked, and all parameters of the ship sought. A law that is far behind from the cold start on
+    is given up where the other leaves nothing but noise.
 
     Raises
     ------
@@ -61,11 +63,16 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     stated = gathered.constants["restoring"]
     laws = [stated != "linear"] if stated else [True, False]
     rough = [cold_starts(gathered, sine=sine) for sine in laws]
-    fits = [_likeliest(_plain(gathered, each) for each in own) for own in rough]
-    if fits[0] is None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
-        fits = [
-            fit or _likeliest(_robust(gathered, each) for each in own) for fit, own in zip(fits, rough, strict=True)
-        ]
+    ahead = [max(map(of_the_law, own)) for own in rough]
+    fits: list[Fitted | None] = [None for _ in laws]
+    for attempt in (_plain, _robust):
+        for k in sorted(range(len(laws)), key=lambda k: -ahead[k]):
+            fits[k] = fit = fits[k] or _likeliest(attempt(gathered, each) for each in rough[k])
+            hopeless = ahead[k] - min(ahead) > HOPELESS and not gathered.film
+            if hopeless and fit is not None and motion.is_white(fit, fit.model.problem.differences):
+                return [_with_difference(fit)]
+        if fits[0] is not None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
+            break
     found = [_with_difference(fit) for fit in fits if fit is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")

@@ -237,9 +237,10 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     path = rough.path[:, : 2 * problem.pendulums]
     open_heave = problem.leaves_heave_open(level.sine)
     fit = attempted(replace(model, begun=level.ship), path, smooth=True, most=1)
-    if fit is not None and motion.is_white(fit, problem.differences):
-        fit = motion.reshaped(fit)
-        return fit, fit
+    if fit is not None:
+        level_fit = motion.reshaped(fit)
+        if any(motion.is_white(each, problem.differences) for each in (fit, level_fit)):
+            return level_fit, level_fit
     heaving = None
     if open_heave:
         assumed = motion.heaving(rough, level)
@@ -250,9 +251,7 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
         kicked = better(replace(model, assumed=motion.kicked(fit)), best)
         if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
-            level_fit = motion.reshaped(fit)  # it may do as well once it is followed to its end
-            white = motion.is_white(level_fit, problem.differences)
-            return (level_fit, level_fit) if white else (fit, kicked)
+            return fit, kicked
     best = motion.reshaped(best)
     return best, best
 

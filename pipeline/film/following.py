@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.errors import RefusedError
+from data_schemas.errors import RecordError, RefusedError
 from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known
@@ -23,13 +23,16 @@ from pipeline.film.marks.pieces import ROWS, over_pieces
 from pipeline.film.marks.search import GapSearch, find_gaps, search_gaps
 from pipeline.film.marks.stands import bars, free_columns, light_across, swept
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.reading import SLOW
+from pipeline.film.reading import SLOW, film_scale
+from pipeline.film.record import as_described
 from pipeline.film.scan.opening import OpenScan, lines_are_light
+from pipeline.film.wander import exchanged
 
 if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
+SWAYING = 20.0  # rows of a swing in which its sway is sought
 ASKEW = 0.5  # rows by which one end of the slit may lag behind the other
 Progress = Callable[[str, int, int], None]  # Told the stage, how much of it is done, and of how much
 
@@ -103,6 +106,18 @@ class FilmTraces:
             except NoMarksError:
                 raise fault from None
 
+    def lie_upside_down(self, known: Known, axis: TimeAxis) -> bool:
+        """Whether the traces are those of a film upside down: differences sway with the ship, and pendulums do not."""
+        tracks = self.tracks
+        some = slice(None, None, max(1, int(tracks.rows_per_swing / SWAYING)))
+        try:
+            traces, order, _ = as_described(tracks.course, film_scale(self.scan.scale, known.speed, axis)[0], known)
+        except RecordError:  # said when the record is made
+            return False
+        sums = np.array([sum(each.combination.values()) for each in traces])
+        rows = np.arange(tracks.course.shape[1], dtype=np.float64)[some]
+        return exchanged(rows, tracks.course[order][:, some], sums, tracks.rows_per_swing)
+
     def _axis_beside(self, kind: str, marking: Marking, jobs: int) -> TimeAxis:
         """The time axis by marks of some kind beside the traces."""
         scan, tracks, lines, words = self.scan, self.tracks, self.film.blank.across, kind.replace("-", " ")
@@ -167,7 +182,13 @@ def find_time(
         try:
             traces = follow_film(scan, known, dense, jobs, progress)
             traces = traces if edits is None else traces.edited(edits, known, jobs)
-            return traces, traces.axis(known, jobs)
+            axis = traces.axis(known, jobs)
+            if "marks-direction-unknown" in axis.flags and traces.lie_upside_down(known, axis):
+                raise TimeReversedError(
+                    "film: the differences sway with the ship and the pendulums do not; check position and combination "
+                    "of the described traces, and --orientation"
+                )
+            return traces, axis
         except RefusedError as fault:
             again = isinstance(fault, TimeReversedError) and not turned
             return timed(scan.upside_down(), dense, turned=True) if again else (traces, fault)

@@ -52,10 +52,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     import xarray as xr
 
     axis, samples = reading.axis, reading.samples
-    traces = known.traces or default_traces(len(samples.column))
-    filled = np.where(np.isfinite(samples.column).any(axis=1, keepdims=True), samples.column, 0.0)
-    rest, swing = np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
-    order = match(traces, rest * reading.scale, swing * reading.scale)
+    traces, order, rest = as_described(samples.column, reading.scale, known)
     kept = [k for k, found in enumerate(order) if found not in reading.left_out]
     traces, order = tuple(traces[k] for k in kept), [order[k] for k in kept]
     lever = np.array([known.lever(trace) for trace in traces])
@@ -160,6 +157,14 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     if "dpi-disagrees" not in reading.axis.flags or nominal is None:
         return None
     return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
+
+
+def as_described(column: Floats, scale: float, known: Known) -> tuple[tuple[DescribedTrace, ...], list[int], Floats]:
+    """The described traces, for each the number of the one found, and where those rest, (found,) px; see `match`."""
+    traces = known.traces or default_traces(len(column))
+    filled = np.where(np.isfinite(column).any(axis=1, keepdims=True), column, 0.0)
+    rest, swing = np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
+    return traces, match(traces, rest * scale, swing * scale), rest
 
 
 def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:

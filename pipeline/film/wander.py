@@ -8,6 +8,7 @@ crease are left out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ SWINGS = 3.0  # of a window in which the slow part is told from the swing
 REACH = 2.5  # swings on either side of an event
 LEAST = 24  # samples of a window
 SPARSE = 0.6  # of a swing between samples
-SHOWS = 2.0  # px, 1 sigma of a wander that is taken off
+SHOWS, HALF = 2.0, 0.5  # px, 1 sigma of a wander that is taken off; of it, what every trace has of it at least
 CREASES = (0.25, 0.5)  # swings in which a crease fades on either side
 HIDES = 3.0  # such lengths, in which it is left out
 LEAST_EVENT, STANDS_OUT, SHOWN = 0.4, 12.0, 5.0  # px; of its sigma, at its time and beside it
@@ -68,20 +69,46 @@ def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period
     differences = np.abs(sums) < 1e-9
     if not differences.any():
         return None
-    shift, creased = np.zeros(time.size), np.zeros(time.size, dtype=bool)
+    shift: Floats = np.zeros(time.size)
+    creased = np.zeros(time.size, dtype=bool)
     found = events(time, column, int(np.argmax(differences)), period)
     for event in found:
         aside, hidden = event.moves(time)
         shift, creased = shift + aside, creased | hidden
-    rest = np.where(creased, np.nan, column - shift)[differences]
     for part in (partial(even_part, row), slow_part):
-        known = [each for each in (part(time, own, period) for own in rest) if each is not None]
-        if known and float(np.std(aside := np.mean(known, axis=0))) > SHOWS:
-            shift, rest = shift + aside, rest - aside
+        slow, all_move = sideways(part, time, np.where(creased, np.nan, column - shift), differences, period)
+        if slow is not None and all_move:
+            shift = shift + slow
     if not shift.any() and not creased.any():
         return None
     steps = tuple(sorted(event.time for event in found if not event.length))
     return Paper(shift - shift.mean(), creased, steps, len(found) - len(steps))
+
+
+def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool:
+    """Whether differences sway as no paper does, and pendulums do not: they are exchanged, or all lies upside down.
+
+    As of `paper_motion`; times may be rows.
+    """
+    aside, all_move = sideways(slow_part, time, column, np.abs(sums) < 1e-9, period)
+    return aside is not None and not all_move
+
+
+def sideways(
+    part: Callable[[Floats, Floats, float], Floats | None],
+    time: Floats,
+    column: Floats,
+    differences: NDArray[np.bool_],
+    period: float,
+) -> tuple[Floats | None, bool]:
+    """A part of the differences' motion, (samples,) px, None where none shows; whether all others move as much."""
+    known = [each for each in (part(time, own, period) for own in column[differences]) if each is not None]
+    aside = np.mean(known, axis=0) if known else np.zeros(1)
+    moved = float(np.std(aside))
+    if moved <= SHOWS:
+        return None, True
+    others = [part(time, own, period) for own in column[~differences]]
+    return aside, all(each is None or float(np.std(each)) >= HALF * moved for each in others)
 
 
 def events(time: Floats, column: Floats, difference: int, period: float) -> list[Event]:

@@ -60,10 +60,12 @@ def refuse_exchanged_traces(
     for j, level in enumerate(levels):
         both = np.isfinite(slow[j]) & np.isfinite(slow[first])
         one, other = np.diff(slow[first, both]), np.diff(slow[j, both])  # a step of a zero is in one of them
-        if one.size < FEWEST or not np.std(one) > SWAYS * np.median(doubt[first, both]):
+        shown = [np.std(each) > SWAYS * np.median(doubt[k, both]) for each, k in ((one, first), (other, j))]
+        if one.size < FEWEST or not any(shown):
             continue
         share = float(one @ other / (one @ one))
-        if abs(share - level / levels[first]) > HALF:
+        alone = not level and shown[1] and np.std(one) < HALF * np.std(other)
+        if alone or (shown[0] and abs(share - level / levels[first]) > HALF):
             raise RefusedError(
                 f"record/combination: trace '{names[j]}' has {share:+.2f} of the slow motion of '{names[first]}', "
                 f"its combination says {level / levels[first]:+.2f}; say which pendulums each trace records"

@@ -75,6 +75,14 @@ def test_stated_orientation_against_the_code_is_refused(tmp_path: Path) -> None:
         read(image, orientation="0")
 
 
+def test_sway_tells_which_way_up_a_film_lies(tmp_path: Path) -> None:
+    """A ship sways the pendulums, not their difference, even where marks do not tell how time runs."""
+    image, _ = expose(tmp_path, missing=0.0, code="none", reversed=True)
+    found, _ = read(image)
+    assert "marks-direction-unknown" in found.axis.flags
+    assert any("upside down" in note for note in found.scan.notes)
+
+
 def test_stated_orientation_is_the_direction_of_time(tmp_path: Path) -> None:
     image, _ = expose(tmp_path, missing=0.0, code="none")
     assert "marks-direction-unknown" in read(image)[0].axis.flags

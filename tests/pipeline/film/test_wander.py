@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.film.wander import events, paper_motion, slow_part
+from pipeline.film.wander import events, exchanged, paper_motion, slow_part
 
 TIME, PERIOD = np.arange(0.0, 300.0, 0.08), 1.00966
 SUMS = np.array([1.0, 0.0])
@@ -111,3 +111,13 @@ def test_gaps_and_short_records() -> None:
     assert part is not None
     assert np.isfinite(part).all()
     assert slow_part(TIME[:30], column[:30], PERIOD) is None
+
+
+def test_a_difference_that_sways_alone_is_exchanged() -> None:
+    """As on a film that lies upside down; paper moves all traces, a ship the pendulums."""
+    sway, paper = 20.0 * np.cos(0.3 * TIME), 12.0 * np.sin(0.7 * TIME)
+    swayed = traces(STILL, sway)
+    assert exchanged(TIME, swayed[::-1], SUMS, PERIOD)
+    assert paper_motion(TIME, TIME, swayed[::-1], SUMS, PERIOD) is None
+    assert not exchanged(TIME, swayed, SUMS, PERIOD)
+    assert not exchanged(TIME, traces(paper, sway), SUMS, PERIOD)

@@ -199,6 +199,7 @@ WRONG: dict[str, tuple[str, str, Callable[[np.ndarray], np.ndarray], str]] = {
         lambda value: np.stack([value[0], value[0] - value[1]]),
         "trace '1-2' has .1.00 of the slow motion of '1'",
     ),
+    "traces exchanged": ("record", "elongation", lambda value: value[::-1].copy(), "say which pendulums"),
     "a difference for a pendulum": ("record", "combination", lambda value: np.eye(2), "say which pendulums"),
 }
 

@@ -38,6 +38,22 @@ def _raise_unequal(source: Any, target: Any) -> None:
     raise ValueError("cannot assign to a slice from an array of another shape")
 
 
+def _typed_once(resolve: Any) -> Any:
+    """What Numba asks all its templates at every sign of a source, once for all of equal operands: an eighth of all
+    time."""
+    known: dict[Any, Any] = {}
+
+    def resolved(function: Any, context: Any, operands: Any, named: Any) -> Any:
+        key = function, tuple(operands)
+        if named or getattr(function.typing_key, "__module__", "") != "_operator":
+            return resolve(function, context, operands, named)
+        if key not in known:
+            known[key] = resolve(function, context, operands, named)
+        return known[key]
+
+    return resolved
+
+
 class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
     """A library that is optimised and turned into machine code when somebody asks for an address in it."""
 
@@ -129,13 +145,21 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         """Load or compile it for Python, and all that it calls as its parts."""
         generator: Any = cpu_target.target_context.codegen()
         arrays: Any = arrayobj
+        function: Any = types.Function.__base__
+        changes = (
+            (generator, "_library_class", _LazyLibrary),
+            (arrays, "raise_with_shape_context", _raise_unequal),
+            (function, "get_call_type", _typed_once(function.get_call_type)),
+        )
         with global_compiler_lock:
-            before, generator._library_class = generator._library_class, _LazyLibrary
-            raises, arrays.raise_with_shape_context = arrays.raise_with_shape_context, _raise_unequal
+            before = [getattr(owner, name) for owner, name, _ in changes]
             try:
+                for owner, name, own in changes:
+                    setattr(owner, name, own)
                 return super().compile(sig)
             finally:
-                generator._library_class, arrays.raise_with_shape_context = before, raises
+                for (owner, name, _), one in zip(changes, before, strict=True):
+                    setattr(owner, name, one)
                 self._cache.release()
 
 

@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     record, truth = synth.simulate(scene)
     methods = [name for name in METHODS if name != "auto"]
     # the first use loads the compiled kernels: not the methods' own time
-    process(record.isel(time=slice(record["time"].size // 10)), method=methods)
+    process(record.isel(time=slice(record["time"].size // 30)), method=methods)
     result = process(record, method=methods)
     for kind, tree in (("record", record), ("truth", truth), ("result", result)):
         data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)

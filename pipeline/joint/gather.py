@@ -254,9 +254,7 @@ def _bias(heave: Floats, noise: float) -> tuple[float, float]:
     A mean under a taper that lets nothing of the sea pass; its sigma from what stands beside zero frequency, below the
     sea, above the noise. That acts on the pendulums alike, and leaves gravity with the bias.
     """
-    from scipy.signal.windows import kaiser
-
-    weight, since = kaiser(heave.size, SHAPE), np.linspace(0.0, 1.0, heave.size)
+    weight, since = np.kaiser(heave.size, SHAPE), np.linspace(0.0, 1.0, heave.size)
     weight /= weight.sum()
     beside = [np.abs(np.sum(weight * np.exp(2j * np.pi * turns * since) * heave)) for turns in BESIDE]
     square = float(np.mean(np.square(beside))) - ABOVE * noise**2 * float(weight @ weight)

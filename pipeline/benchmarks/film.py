@@ -24,7 +24,6 @@ from data_schemas.scene_recording import Stretch
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
 from pipeline.benchmarks.tables import Row, at_least, at_most, draws, holds, not_measured, progress
 from pipeline.film.digitise import digitise, open_film
-from pipeline.film.knowledge import FilmOptions
 from pipeline.gravity import MGAL
 from pipeline.plots.canvas import PALETTE, panel, save, sheet
 from pipeline.processing import process
@@ -91,7 +90,7 @@ def rows_of(case: Case, path: Path) -> Iterator[Row]:
     except IsochronyError as fault:
         scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
     yield {**named, "reader": "isochrony", **scores, "mpx_s": megapixels / spent, "refused": refusal}
-    scan, _ = open_film(path, None, FilmOptions())
+    scan, _ = open_film(path)
     started = time.process_time()
     for name, position in readings(scan, truth):
         spent = time.process_time() - started

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 _MILLIGAL = 1e-5  # m s-2
+_WARM = 60.0  # s
 
 HELP = "see it work: simulate, process, compare, draw"
 DESCRIPTION = """\
@@ -53,12 +54,12 @@ def run(options: argparse.Namespace) -> int:
     record, truth = synth.simulate(scene)
     methods = [name for name in METHODS if name != "auto"]
     # the first use loads the compiled kernels: not the methods' own time
-    process(record.isel(time=slice(record["time"].size // 30)), method=methods)
+    time = record.dataset["time"].values
+    process(record.isel(time=slice(int((time < time[0] + _WARM).sum()))), method=methods)
     result = process(record, method=methods)
     for kind, tree in (("record", record), ("truth", truth), ("result", result)):
         data_schemas.write(tree, folder / f"demo.{kind}.nc", overwrite=True)
     gravity = float(truth["truth"]["gravity"])
-    time = record.dataset["time"].values
     print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
     _print_table(summaries(result), gravity)
     print()

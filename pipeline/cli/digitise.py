@@ -161,7 +161,7 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
     with progress(films[0][0].name, " rows") as draw:
         edits = edits_of(films[0][0], options.edits or "")
         jobs = max(options.jobs, min(2, os.cpu_count() or 1))  # a person waits; numbers are the same
-        given = {**scan_options(options), "edits": edits, "who": options.by, "jobs": jobs, "progress": draw}
+        given = {"edits": edits, "who": options.by, "jobs": jobs, "progress": draw}
         session = Session.open(films[0], description(options), film_options(options), **given)
     try:
         serve(session, port=options.port, browser=not options.no_browser)
@@ -213,7 +213,8 @@ def film_options(options: argparse.Namespace) -> FilmOptions:
     """What the options say of the film, as the reader and `make_record` take it."""
     from pipeline.film.knowledge import FilmOptions
 
-    given = {name: getattr(options, name) for name in ("lever", "gravity", "mark_interval", "marks", "speed", "dpi")}
+    names = ["lever", "gravity", "mark_interval", "marks", "speed", "dpi", "orientation", "lines", "reading", "rate"]
+    given = {name: getattr(options, name) for name in names}
     combinations = pairs("digitise", "--combination", options.combination)
     labelled = periods("digitise", options.period)
     return FilmOptions(traces=tuple(options.trace), combinations=combinations, periods=labelled, **given)
@@ -235,11 +236,6 @@ def edits_of(film: Path, name: str | None) -> Path | None:
     return edits_path(film) if name == "" else None if name is None else Path(name)
 
 
-def scan_options(options: argparse.Namespace) -> dict[str, Any]:
-    """How the image is looked at, as the reader takes it."""
-    return {name: getattr(options, name) for name in ("orientation", "lines", "reading", "rate")}
-
-
 def read_film(
     film: Sequence[Path], options: argparse.Namespace, rows: tuple[int, int | None] | None = None
 ) -> tuple[Reading, Known]:
@@ -247,6 +243,7 @@ def read_film(
     from pipeline.film.digitise import read
 
     edits = edits_of(film[0], options.edits)
-    given = {"options": film_options(options), "edits": edits, "rows": rows, "jobs": options.jobs}
     with progress(film[0].name, " rows") as draw:
-        return read(film, description(options), **scan_options(options), **given, progress=draw)
+        return read(
+            film, description(options), film_options(options), edits=edits, rows=rows, jobs=options.jobs, progress=draw
+        )

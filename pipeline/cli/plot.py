@@ -107,8 +107,7 @@ def _film(path: Path, options: argparse.Namespace) -> tuple[Figure, int]:
     try:
         return film_figure(read_film([path], options)[0], options.start, options.stop), 0
     except (RefusedError, RecordError) as fault:
-        how = {"orientation": options.orientation, "lines": options.lines}
-        scan, _ = open_film(path, description(options), film_options(options), **how)
+        scan, _ = open_film(path, description(options), film_options(options))
         told = naming(path, str(fault))
         complain(told)
         return unread_figure(scan, told), fault.exit_status

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from data_schemas.film_description import FilmDescription, description_path, fil
 from data_schemas.film_edits import FilmEdits, load_edits
 from pipeline.film.following import Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import READINGS, Reading, read_traces
+from pipeline.film.reading import Reading, read_traces
 from pipeline.film.record import make_record
 from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
 
@@ -27,10 +28,6 @@ def digitise(
     description: FilmDescription | None = None,
     *,
     options: FilmOptions | None = None,
-    orientation: str = "auto",
-    lines: str = "auto",
-    reading: str = "auto",
-    rate: float | None = None,
     edits: FilmEdits | str | os.PathLike[str] | None = None,
     rows: tuple[int, int | None] | None = None,
     jobs: int = 1,
@@ -45,13 +42,7 @@ def digitise(
     description : FilmDescription, optional
         What is known of the film; left out: NAME.film.toml beside the image, if it is there.
     options : FilmOptions, optional
-        What stands before the description: lever, speed, traces, periods and the like.
-    orientation, lines : str
-        See `pipeline.film.scan.ScanOptions`.
-    reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
-    rate : float, optional
-        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
+        What stands before the description: lever, speed, traces, periods and the like; how the image is taken and read.
     edits : FilmEdits or path, optional
         What a person corrects (NAME.edits.toml); applied only where it is given.
     rows : (int, int or None), optional
@@ -79,53 +70,39 @@ def digitise(
     --------
     >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
     """
-    found, known = read(
-        paths, description, options=options, orientation=orientation, lines=lines, reading=reading, rate=rate,
-        edits=edits, rows=rows, jobs=jobs, progress=progress,
-    )  # fmt: skip
+    found, known = read(paths, description, options, edits=edits, rows=rows, jobs=jobs, progress=progress)
     return make_record(found, known, film_stem(found.scan.paths[0]))
 
 
 def read(
     paths: Paths,
     description: FilmDescription | None = None,
-    *,
     options: FilmOptions | None = None,
-    orientation: str = "auto",
-    lines: str = "auto",
-    reading: str = "auto",
-    rate: float | None = None,
+    *,
     edits: FilmEdits | str | os.PathLike[str] | None = None,
     rows: tuple[int, int | None] | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[Reading, Known]:
     """Read the image of a film, without making a record of it; parameters and faults as of `digitise`."""
-    if reading not in READINGS:
-        raise UsageError(f"reading '{reading}': give one of {', '.join(READINGS)}")
-    edits = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits
+    edits, options = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits, options or FilmOptions()
     if edits is not None:  # rows and columns count on the scan turned so
-        if orientation not in ("auto", str(edits.orientation)):
-            raise UsageError(f"orientation {orientation}: the edits were made at {edits.orientation} degrees")
-        orientation = str(edits.orientation)
-    scan, known = open_film(paths, description, options, orientation=orientation, lines=lines)
+        if options.orientation not in ("auto", str(edits.orientation)):
+            raise UsageError(f"orientation {options.orientation}: the edits were made at {edits.orientation} degrees")
+        options = replace(options, orientation=str(edits.orientation))
+    scan, known = open_film(paths, description, options)
     if rows is not None:
         if edits is not None:
             raise UsageError("rows: edits count on the whole film; give times instead, or no edits")
         scan = scan.part(*rows)
-    traces, axis = find_time(scan, known, reading, edits, jobs, progress)
+    traces, axis = find_time(scan, known, edits, jobs, progress)
     if isinstance(axis, RefusedError):
         raise axis
-    return read_traces(traces, axis, known, reading=reading, rate=rate, jobs=jobs), known
+    return read_traces(traces, axis, known, jobs), known
 
 
 def open_film(
-    paths: Paths,
-    description: FilmDescription | None,
-    options: FilmOptions | None,
-    *,
-    orientation: str = "auto",
-    lines: str = "auto",
+    paths: Paths, description: FilmDescription | None = None, options: FilmOptions | None = None
 ) -> tuple[OpenScan, Known]:
     """Open the image of a film with what is known of it: as given, or as described beside it."""
     first = Path(paths if isinstance(paths, str | os.PathLike) else paths[0] if len(paths) else "")
@@ -133,4 +110,5 @@ def open_film(
     if description is None and beside.is_file():
         description = load_description(beside)
     known = Known(description, options)
-    return open_scan(paths, ScanOptions(dpi=known.dpi, orientation=orientation, lines=lines)), known
+    how = ScanOptions(dpi=known.dpi, orientation=known.options.orientation, lines=known.options.lines)
+    return open_scan(paths, how), known

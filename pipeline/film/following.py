@@ -162,7 +162,6 @@ def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
 def find_time(
     scan: OpenScan,
     known: Known,
-    reading: str = "auto",
     edits: FilmEdits | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
@@ -195,7 +194,7 @@ def find_time(
 
     faults: list[RefusedError] = []
     first: FilmTraces | None = None
-    for dense in ways_to_follow(reading, known.marking(scan.scale).speed):
+    for dense in ways_to_follow(known.options.reading, known.marking(scan.scale).speed):
         traces, axis = timed(scan, dense)
         if isinstance(axis, RefusedError):
             faults.append(axis)

@@ -31,6 +31,9 @@ NOTHING = FilmDescription.model_construct(traces=(), pendulums=())
 """The description of a film of which nothing is described."""
 
 
+READINGS = ("auto", "continuous", "strobe")
+
+
 @dataclass(frozen=True)
 class FilmOptions:
     """What the user says of a film; it stands before the description. None and empty: as described.
@@ -55,6 +58,12 @@ class FilmOptions:
         Full period of each pendulum, s; the key "" means the only one.
     gravity : float or None
         Gravity at which the periods hold, m s-2.
+    orientation, lines : str
+        How the image is to be taken; see `pipeline.film.scan.ScanOptions`.
+    reading : {"auto", "continuous", "strobe"}
+        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
+    rate : float or None
+        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
     """
 
     lever: float | None = None
@@ -66,6 +75,14 @@ class FilmOptions:
     combinations: Mapping[str, str] = field(default_factory=dict)
     periods: Mapping[str, float] = field(default_factory=dict)
     gravity: float | None = None
+    orientation: str = "auto"
+    lines: str = "auto"
+    reading: str = "auto"
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.reading not in READINGS:
+            raise UsageError(f"reading '{self.reading}': give one of {', '.join(READINGS)}")
 
 
 class Known:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.following import FilmTraces
 
-READINGS = ("auto", "continuous", "strobe")
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
 ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
@@ -88,16 +87,14 @@ class Reading:
         return np.where(np.isfinite(axis.seconds), strobe.qc[:, nearest], flags)
 
 
-def read_traces(
-    traces: FilmTraces, axis: TimeAxis, known: Known, *, reading: str = "auto", rate: float | None = None, jobs: int = 1
-) -> Reading:
-    """The samples of a film whose traces and time are known; the rest as of `digitise.digitise`.
+def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1) -> Reading:
+    """The samples of a film whose traces and time are known.
 
     `RefusedError`: nothing of a trace could be read; `RecordError`: nothing says how large a pixel is.
     """
     from pipeline.film.strobe.reading import read_at_marks
 
-    scan, tracks = traces.scan, traces.tracks
+    scan, tracks, reading = traces.scan, traces.tracks, known.options.reading
     strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, jobs), axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [each for each in (*scan.notes, note) if each]
@@ -114,7 +111,7 @@ def read_traces(
         tracks = clear_of_marks(tracks, axis)
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
-        between = normal_points(tracks, axis, rate or _rate(tracks, axis))
+        between = normal_points(tracks, axis, known.options.rate or _rate(tracks, axis))
         difference = compare(tracks, axis, between, strobe) if between.time.size and strobe.index.size else None
         samples = between if reading == "continuous" else samples
     unread = np.flatnonzero(~np.any(np.isfinite(samples.column), axis=1))

@@ -60,8 +60,10 @@ def refuse_exchanged_traces(
     for j, level in enumerate(levels):
         both = np.isfinite(slow[j]) & np.isfinite(slow[first])
         one, other = np.diff(slow[first, both]), np.diff(slow[j, both])  # a step of a zero is in one of them
+        if one.size < FEWEST:
+            continue
         shown = [np.std(each) > SWAYS * np.median(doubt[k, both]) for each, k in ((one, first), (other, j))]
-        if one.size < FEWEST or not any(shown):
+        if not any(shown):
             continue
         share = float(one @ other / (one @ one))
         alone = not level and shown[1] and np.std(one) < HALF * np.std(other)

@@ -10,7 +10,7 @@ import getpass
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -51,7 +51,7 @@ class Session:
     path: Path  # where the edits are kept
     who: str  # kept with every edit
     name: str  # of the film's file
-    options: dict[str, Any]  # as of `read_traces`
+    jobs: int
     reading: Reading | None = None
     refusal: IsochronyError | None = None
     record: DataTree | None = None  # as it is now; None where the film is refused
@@ -72,10 +72,6 @@ class Session:
         description: FilmDescription | None = None,
         options: FilmOptions | None = None,
         *,
-        orientation: str = "auto",
-        lines: str = "auto",
-        reading: str = "auto",
-        rate: float | None = None,
         edits: Path | None = None,
         who: str | None = None,
         jobs: int = 1,
@@ -88,15 +84,15 @@ class Session:
         """
         path = edits_path(paths[0]) if edits is None else edits
         made = load_edits(path) if path.exists() else None
-        orientation = orientation if made is None else str(made.orientation)
-        scan, known = open_film(paths, description, options, orientation=orientation, lines=lines)
+        options = options or FilmOptions()
+        options = options if made is None else replace(options, orientation=str(made.orientation))
+        scan, known = open_film(paths, description, options)
         if made is not None:
             check_scan(made, scan)
-        traces, _ = find_time(scan, known, reading, None, jobs, progress)
+        traces, _ = find_time(scan, known, None, jobs, progress)
         if made is None:
             made = FilmEdits.model_validate({"sha256": traces.scan.sha256, "orientation": traces.scan.orientation})
-        asked = {"reading": reading, "rate": rate, "jobs": jobs}
-        return Session(traces, known, made, path, who or _user(), paths[0].name, asked)
+        return Session(traces, known, made, path, who or _user(), paths[0].name, jobs)
 
     def state(self) -> dict[str, Any]:
         """Film, traces, edits, gravity (`refining`: a better one is under way), doubtful places: plain JSON."""
@@ -221,13 +217,13 @@ class Session:
 
     def _read(self) -> None:
         """The reading and its gravity under the edits as they are."""
-        jobs = self.options["jobs"]
+        jobs = self.jobs
         now = self.untouched.edited(self.edits, self.known, jobs) if self.edits.edits else self.untouched
         reading: Reading | None = None
         record: DataTree | None = None
         refusal: IsochronyError | None = None
         try:
-            reading = read_traces(now, now.axis(self.known, jobs), self.known, **self.options)
+            reading = read_traces(now, now.axis(self.known, jobs), self.known, jobs)
             record = make_record(reading, self.known, self.name)
         except RefusedError as fault:
             refusal = fault

@@ -13,6 +13,7 @@ pytest.importorskip("tifffile")  # of the extra `film`
 from data_schemas.errors import RefusedError
 from data_schemas.film_description import load_description
 from pipeline.film.digitise import read
+from pipeline.film.knowledge import FilmOptions
 from pipeline.film.marks.lines import Lines, fitted, noise_of, shown
 from pipeline.film.normal_points import row_times
 from tests.films import make, plain
@@ -72,7 +73,7 @@ def test_stated_orientation_against_the_code_is_refused(tmp_path: Path) -> None:
     image, _ = expose(tmp_path, missing=0.0, reversed=True)
     assert any("upside down" in note for note in read(image)[0].scan.notes)
     with pytest.raises(RefusedError, match=r"--orientation given, the minute code reads backwards"):
-        read(image, orientation="0")
+        read(image, options=FilmOptions(orientation="0"))
 
 
 def test_sway_tells_which_way_up_a_film_lies(tmp_path: Path) -> None:
@@ -86,7 +87,7 @@ def test_sway_tells_which_way_up_a_film_lies(tmp_path: Path) -> None:
 def test_stated_orientation_is_the_direction_of_time(tmp_path: Path) -> None:
     image, _ = expose(tmp_path, missing=0.0, code="none")
     assert "marks-direction-unknown" in read(image)[0].axis.flags
-    assert "marks-direction-unknown" not in read(image, orientation="0")[0].axis.flags
+    assert "marks-direction-unknown" not in read(image, options=FilmOptions(orientation="0"))[0].axis.flags
 
 
 def peaks(rows: np.ndarray, places: np.ndarray, wide: np.ndarray) -> np.ndarray:

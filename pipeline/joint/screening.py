@@ -23,7 +23,7 @@ COPIED = 30  # values in a row that two traces cannot share by chance
 HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, LEAST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 EXACT = 1e-14  # of a mean square, to which a variance is known
-SWAYS, HALF = 3.0, 0.5  # of the doubt of its mean; of what a trace should share of another's slow motion
+SWAYS, ALONE, HALF = 3.0, 10.0, 0.5  # of the doubt of its mean; of what a trace should share of another's slow motion
 
 
 def refuse_wrong_units(time: Floats, series: Floats, heave: Floats | None, frequency: float, gravity: float) -> None:
@@ -62,12 +62,16 @@ def refuse_exchanged_traces(
         one, other = np.diff(slow[first, both]), np.diff(slow[j, both])  # a step of a zero is in one of them
         if one.size < FEWEST:
             continue
-        shown = [np.std(each) > SWAYS * np.median(doubt[k, both]) for each, k in ((one, first), (other, j))]
-        if not any(shown):
+        usual, own = (float(np.median(np.abs(each - np.median(each)))) for each in (one, other))  # steps are rare
+        if not level and own > ALONE * np.median(doubt[j, both]) and usual < HALF * own:
+            raise RefusedError(
+                f"record/combination: trace '{names[j]}', a difference, sways with the ship and '{names[first]}' does "
+                "not; say which pendulums each trace records"
+            )
+        if not np.std(one) > SWAYS * np.median(doubt[first, both]):
             continue
         share = float(one @ other / (one @ one))
-        alone = not level and shown[1] and np.std(one) < HALF * np.std(other)
-        if alone or (shown[0] and abs(share - level / levels[first]) > HALF):
+        if abs(share - level / levels[first]) > HALF:
             raise RefusedError(
                 f"record/combination: trace '{names[j]}' has {share:+.2f} of the slow motion of '{names[first]}', "
                 f"its combination says {level / levels[first]:+.2f}; say which pendulums each trace records"

@@ -15,7 +15,7 @@ LARGEST = 1.0  # rad, of the usual reading
 MOST_SWINGS = 20.0  # between readings
 GRAVITIES = (0.1, 100.0)  # m s-2
 MOST_HEAVE = 0.5  # of gravity, standard deviation
-SWINGS, FEWEST, WINDOWS = 3.0, 12, 400  # in a window; readings in it; windows at most
+SWINGS, FEWEST, ROOMY, WINDOWS = 3.0, 12, 1.25, 400  # in a window; readings in it, also where sparse; windows at most
 SINGULAR = 1e-6  # of the determinant of three orthogonal functions
 FAR, MANY = 6.0, 10000  # of the median departure from the median; readings
 OFTEN, FEW = 10.0, 5.0  # times as often as other values; readings a value from which rounding shows
@@ -24,6 +24,7 @@ HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, LEAST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 EXACT = 1e-14  # of a mean square, to which a variance is known
 SWAYS, ALONE, HALF = 3.0, 10.0, 0.5  # of the doubt of its mean; of what a trace should share of another's slow motion
+NOISIER, CALM = 20.0, 1e-6  # times than another no trace is, of which sparse readings take sway for doubt; rad
 
 
 def refuse_wrong_units(time: Floats, series: Floats, heave: Floats | None, frequency: float, gravity: float) -> None:
@@ -63,7 +64,8 @@ def refuse_exchanged_traces(
         if one.size < FEWEST:
             continue
         usual, own = (float(np.median(np.abs(each - np.median(each)))) for each in (one, other))  # steps are rare
-        if not level and own > ALONE * np.median(doubt[j, both]) and usual < HALF * own:
+        sways = (own > ALONE * np.median(doubt[j, both]) and usual < HALF * own) or usual < own / NOISIER
+        if not level and own > CALM and sways:
             raise RefusedError(
                 f"record/combination: trace '{names[j]}', a difference, sways with the ship and '{names[first]}' does "
                 "not; say which pendulums each trace records"
@@ -80,7 +82,9 @@ def refuse_exchanged_traces(
 
 def _slow(time: Floats, series: Floats, frequency: float) -> Floats:
     """Mean of each trace beside the swing in windows of some swings, and its 1 sigma, (2, t, w); NaN: too few."""
-    bounds = np.searchsorted(time, np.arange(time[0], time[-1], SWINGS * 2.0 * np.pi / frequency)[: WINDOWS + 1])
+    spacing = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    window = max(SWINGS * 2.0 * np.pi / frequency, ROOMY * FEWEST * spacing)
+    bounds = np.searchsorted(time, np.arange(time[0], time[-1], window)[: WINDOWS + 1])
     begins = bounds[:-1][np.diff(bounds) > 0]
     if not begins.size:
         return np.zeros((2, series.shape[0], 0))

@@ -211,6 +211,15 @@ def test_units_and_labels_that_cannot_be_meant_are_refused_with_the_remedy(wrong
         row(told(record()[0], group, name, change))
 
 
+def test_exchanged_traces_are_refused_at_marks_too() -> None:
+    made, _ = record()
+    every = round(0.5 / float(np.median(np.diff(made["time"].values))))
+    sparse = made.isel(time=slice(None, None, every))
+    assert row(sparse)["status"] == "ok"
+    with pytest.raises(RefusedError, match="a difference, sways with the ship"):
+        row(told(sparse, "record", "elongation", lambda value: value[::-1].copy()))
+
+
 def test_gravity_in_a_recorded_heave_is_its_bias() -> None:
     made, gravity = record()
     found = row(told(made, "record", "vertical_acceleration", lambda value: value + 9.8))

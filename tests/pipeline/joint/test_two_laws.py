@@ -8,8 +8,11 @@ from typing import Any
 import pytest
 
 from data_schemas.errors import RefusedError
+from pipeline.benchmarks.honesty.records import record as honesty_record
 from pipeline.joint import fit as recipe
 from pipeline.joint.explanation import Candidate
+from pipeline.joint.gather import gather
+from pipeline.joint.start import first_fits
 
 MGAL = 1e-5 / 9.81
 
@@ -67,3 +70,12 @@ def test_a_decisive_lead_is_believed() -> None:
 def test_close_laws_far_apart_are_refused() -> None:
     with pytest.raises(RefusedError, match="state restoring"):
         weighed(0.0, 5.0, apart=12.0)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("kind", "laws"), [("heave recorded", [True]), ("linear law not stated", [True, False])])
+def test_a_law_far_behind_is_given_up(kind: str, laws: list[bool]) -> None:
+    """Heave tells the law from the cold start on; two laws that are close are both fitted."""
+    made = honesty_record(kind, "weak", 1).tree
+    made["instrument"].attrs.pop("restoring", None)
+    assert [fit.model.assumed.sine for fit in first_fits(gather(made))] == laws

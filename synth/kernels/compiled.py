@@ -146,20 +146,20 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         generator: Any = cpu_target.target_context.codegen()
         arrays: Any = arrayobj
         function: Any = types.Function.__base__
-        changes = (
-            (generator, "_library_class", _LazyLibrary),
-            (arrays, "raise_with_shape_context", _raise_unequal),
-            (function, "get_call_type", _typed_once(function.get_call_type)),
-        )
-        with global_compiler_lock:
-            before = [getattr(owner, name) for owner, name, _ in changes]
+        with global_compiler_lock:  # what another thread has changed is as it was again
+            changes = (
+                (generator, "_library_class", _LazyLibrary),
+                (arrays, "raise_with_shape_context", _raise_unequal),
+                (function, "get_call_type", _typed_once(function.get_call_type)),
+            )
+            before = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
             try:
-                for owner, name, own in changes:
-                    setattr(owner, name, own)
+                for change in changes:
+                    setattr(*change)
                 return super().compile(sig)
             finally:
-                for (owner, name, _), one in zip(changes, before, strict=True):
-                    setattr(owner, name, one)
+                for change in before:
+                    setattr(*change)
                 self._cache.release()
 
 

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError
 from data_schemas.film_edits import Break, Edit, FilmEdits, Follow, Ignore, Mark, Mask, NoMark
-from pipeline.film.marks.alignment import Alignment, Events
+from pipeline.film.marks.alignment import Alignment, Events, Gaps
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.search import Gaps
 from pipeline.film.parts import Floats, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
 

@@ -15,13 +15,11 @@ from data_schemas.errors import RecordError, RefusedError
 from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known
+from pipeline.film.marks.alignment import bars, free_columns, light_across, swept
 from pipeline.film.marks.axis import axis_of
 from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
-from pipeline.film.marks.minutes import TimeReversedError
-from pipeline.film.marks.numbering import shear_of_marks
-from pipeline.film.marks.pieces import ROWS, over_pieces
-from pipeline.film.marks.search import GapSearch, find_gaps, search_gaps
-from pipeline.film.marks.stands import bars, free_columns, light_across, swept
+from pipeline.film.marks.numbering import TimeReversedError, shear_of_marks
+from pipeline.film.marks.search import ROWS, GapSearch, find_gaps, over_pieces, search_gaps
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
 from pipeline.film.reading import SLOW, film_scale
 from pipeline.film.record import as_described
@@ -227,9 +225,8 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
 
 def _follow_bands(scan: OpenScan, known: Known, jobs: int) -> FilmTraces:
     """Traces of a slow film, set upright."""
-    from pipeline.film.strobe.dense import dense_emulsion, dense_tracks
-    from pipeline.film.strobe.dense_survey import Saturated
-    from pipeline.film.strobe.lie import lie_of
+    from pipeline.film.marks.dense import dense_emulsion, dense_tracks
+    from pipeline.film.marks.survey import Saturated, lie_of
 
     lie, askew = lie_of(scan, known.count), 0.0
     while True:

@@ -92,7 +92,7 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
 
     `RefusedError`: nothing of a trace could be read; `RecordError`: nothing says how large a pixel is.
     """
-    from pipeline.film.strobe.reading import read_at_marks
+    from pipeline.film.marks.strobe import read_at_marks
 
     scan, tracks, reading = traces.scan, traces.tracks, known.options.reading
     strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, jobs), axis)

@@ -1,38 +1,95 @@
-"""How far each trace lies along the film from the first, and how oblique the image is.
+"""What traces show together: gaps as closings of the shutter, and bars where the paper stood.
 
 A gap shows on all traces at once: at row `r + offset + shear column`. Offsets may exceed the marks' spacing; of all
 offsets and shears the true one brings most gaps together, because missing marks, false gaps and minute codes are the
 same on every trace. Coarse ones are refined once the marks are counted.
 
-The drive's model tells motion from errors by their being independent from mark to mark. Dirt, bends of the tracker's
-curve and the obliqueness of strokes are not: marks half a swing apart meet the strokes at nearly the same phase. But
-the paper moves all traces at once: what lasts in their differences is error.
+Where the paper stood still the light went on, and wrote the whole swing of every trace across a few rows. Marks and
+pendulums cannot show it where it lasts about a whole number of swings, but the bar does; its light gives for how long,
+to a third.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.film.marks.drive import Drive
-from pipeline.film.marks.search import Gaps
-from pipeline.film.parts import Floats
+from pipeline.film.parts import Emulsion, Floats, Tracks
 
+LEAST_DEPTH, DEEPEST, UNCERTAIN = 0.5, 1.5, 0.25  # share of the light that a gap takes, and its 1 sigma, at most
+CERTAIN = 4.0  # sigmas
 FARTHEST = 45.0  # px along the film between two traces
 SHEARS = np.arange(-0.035, 0.035 + 1e-9, 0.00125)  # tangents that are tried, up to 2 degrees
 BIN = 0.4  # px
-ENOUGH = 24  # gaps that agree, from which shear and offset are fitted; marks seen on several traces
+ENOUGH = 24  # gaps that agree, from which shear and offset are fitted
 UNEVEN = 0.15  # of the marks' spacing
 CHANCE = 2.0  # roots of what another lag has
 LEAD_ODD, LEAD, SHARE = 3, 8, 0.08  # odd gaps, gaps, and share of them, by which the best lag must lead
 TOGETHER = 0.6  # of a gap's width, or one pixel
-LAGS, ENOUGH_PAIRS = 4, 40  # marks: two swings; pairs of marks a lag
-SHARED = 0.3  # of the marks' floor, where one trace shows the marks
+INNER, LEAST_COLUMNS = 0.8, 12.0  # of the swing, that a bar fills; px, of the least that can show one
+QUANTILE = 0.25  # of the columns, which other traces and their gaps leave alone
+SWEPT, FAINT = 0.4, 0.5  # of the light of one stroke, from which rows are a bar; of that, where another trace has one
+BARE = 6.0  # sigmas of the grain
+STROKES = 3.0  # of a line, that a bar on which all depends has at least
+ALONE = 0.5  # of the swing: across less, a stroke near its turn fills as much as a bar
+DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
+APART = 20.0  # rows within which bars of several traces are one
+CLEAR = 10.0  # spots beside a swing
+THICK, MARGIN = 24.0, 4  # spots, of a bar; rows on either side that have some of its light
 Whole = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps on single traces, in order of their rows; an array each, in px, with 1 sigma."""
+
+    trace: Whole
+    row: Floats  # of the middle of the gap on the trace
+    row_sigma: Floats
+    column: Floats  # of the trace there, by the edges of the gap
+    column_sigma: Floats
+    slope: Floats
+    width: Floats  # rows for which the shutter was closed
+    width_sigma: Floats
+    depth: Floats  # share of the light that the shutter held off: 1
+    depth_sigma: Floats
+    light: Floats  # of the line around the gap, over that of its slope
+    misfit: Floats  # mean square of the pixels' residuals over that of their grain
+
+    @staticmethod
+    def of(trace: Whole, fitted: Floats) -> Gaps:
+        """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
+        return Gaps(trace, *fitted.T.copy())
+
+    def pick(self, which: NDArray[np.bool_] | Whole) -> Gaps:
+        """Some of them."""
+        return Gaps(*(each[which] for each in vars(self).values()))
+
+    def joined_by(self, more: Gaps) -> Gaps:
+        """Both, in order of their rows."""
+        both = Gaps(*(np.concatenate(each) for each in zip(vars(self).values(), vars(more).values(), strict=True)))
+        return both.pick(np.argsort(both.row, kind="stable"))
+
+    @property
+    def certain(self) -> NDArray[np.bool_]:
+        """Where a gap could be fitted, and it is known how much of the light is gone."""
+        return np.asarray(np.isfinite(self.row) & (self.depth_sigma < UNCERTAIN))
+
+    @property
+    def closed(self) -> NDArray[np.bool_]:
+        """Where that is all of it."""
+        full = (self.depth > LEAST_DEPTH) & (self.depth < DEEPEST)
+        return np.asarray(self.certain & full & (np.abs(self.depth - 1.0) < CERTAIN * self.depth_sigma + 0.1))
+
+    @property
+    def size(self) -> int:
+        """Number of gaps."""
+        return self.row.size
 
 
 class Alignment(NamedTuple):
@@ -89,7 +146,7 @@ def _odd(rows: Floats, spacing: float) -> NDArray[np.bool_]:
     """Gaps not whole numbers of marks from their neighbours: codes and false gaps tell one mark from another."""
     apart = np.diff(rows) / spacing
     uneven = (np.abs(apart - np.round(apart)) > UNEVEN) & (apart < 3.0)
-    return np.asarray(np.concatenate([[False], uneven]) | np.concatenate([uneven, [False]]))
+    return np.asarray(np.append(False, uneven) | np.append(uneven, False))
 
 
 def _tally(lag: Floats) -> Whole:
@@ -107,8 +164,8 @@ def _chosen(table: Whole, odd: Whole, spacing: float) -> tuple[int, int, bool]:
     for turn in range(-turns, turns + 1):
         near = np.flatnonzero(np.abs(lags - lags[best_at] - turn * spacing) < 0.3 * spacing)
         if near.size:
-            which, at = divmod(int(np.argmax(table[:, near])), near.size)
-            at = int(near[at])
+            which, place = divmod(int(np.argmax(table[:, near])), near.size)
+            at = int(near[place])
             peaks.append((int(odd[which, max(at - 1, 0) : at + 2].max()), int(table[which, at]), which, at))
     by_odd, *others = sorted(peaks, key=lambda peak: -peak[0])
     # false gaps come with the swing, and so at the lags of its halves: of many the lead must be more than chance
@@ -142,48 +199,109 @@ def gathered(gaps: Gaps, alignment: Alignment, traces: int, width: float) -> Eve
     return Events(row, row_sigma, wide, wide_sigma, member[:, order])
 
 
-def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple[Floats, float, float]:
-    """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
+class Stand(NamedTuple):
+    """A place where the paper stood, on one trace or, brought together, at column 0 of the first."""
 
-    `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
-    show, the row is free, so that nothing of theirs is taken for the paper's motion. If there are too few of those,
-    rows are held to the motion found: a trace now left and now right of its middle shows the shear.
-    """
-    traces = len(rows)
-    used = paper.used & np.isfinite(rows) & np.isfinite(columns)
-    weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
-    each_one = np.broadcast_to(np.eye(traces)[:, :, None], (traces, *rows.shape))
-    terms = np.stack([*each_one, np.where(used, columns, 0.0), np.where(used, rows - paper.row, 0.0)])
-    several = used.sum(axis=0) > 1
-    if several.sum() >= ENOUGH:
-        weight[:, ~several] = 0.0
-    mean = np.einsum("km,pkm->pm", weight, terms) / np.maximum(weight.sum(axis=0), 1e-300)
-    terms[:, :, several] -= mean[:, None, several]
-    normal = np.einsum("km,pkm,qkm->pq", weight, terms, terms)
-    free = [*range(1, traces), traces] if traces > 1 else [0, 1]  # of one trace, what lies even is the paper's
-    matrix = normal[np.ix_(free, free)]
-    spread = np.linalg.inv(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12))
-    *offset, shear = spread @ normal[free, traces + 1]
-    # what all gaps share is the zero of time
-    by = np.column_stack([np.eye(traces)[np.nonzero(used)[0]], columns[used]])
-    by -= weight[used] @ by / max(float(weight[used].sum()), 1e-300)
-    variance = np.einsum("ni,ij,nj->n", by[:, free], spread, by[:, free])
-    unsure = float(np.sqrt(np.mean(variance))) if variance.size else 0.0
-    return np.array([0.0, *offset[: traces - 1]]), float(shear), unsure
+    row: float
+    length: float  # of time, by the bar's light, in rows of the film at its usual speed
+    saturated: bool  # whether it may have been longer
+    sure: bool = True  # whether the bar would be believed by itself
 
 
-def lasting(rows: Floats, paper: Drive) -> float:
-    """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
+Bars = list[list[Stand] | None]
 
-    NaN = missing.
-    """
-    residual = np.where(paper.used, rows - paper.row, np.nan)
-    apart = [one - other for one, other in itertools.combinations(residual, 2)]
-    products = [each[lag:] * each[:-lag] for each in apart for lag in range(1, LAGS + 1)]
-    several = [known for each in products if (known := each[np.isfinite(each)]).size >= ENOUGH_PAIRS]
-    if not several:
-        return SHARED * paper.model.floor
-    together = np.concatenate(several)
-    chance = float(np.std(together)) / np.sqrt(together.size)
-    of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two
-    return float(np.sqrt(of_one / len(rows)))
+
+class Swept(NamedTuple):
+    """What of a trace's columns the light writes in one stroke across."""
+
+    columns: Whole
+    beside: Whole  # some that no trace sweeps, the same of all traces
+    speed: Floats  # across the columns, over that in the middle
+    stroke: float  # light along the rows of one stroke in the middle column, in rows of a line at rest
+    peak: float  # light on the stroke's axis
+
+
+def _ends(tracks: Tracks) -> list[Floats]:
+    """Columns between which each trace swings nearly always, (2,)."""
+    return [np.nanpercentile(each, (2.0, 98.0)) if np.isfinite(each).any() else np.zeros(2) for each in tracks.course]
+
+
+def free_columns(tracks: Tracks, columns: int, margin: int = 0) -> Whole:
+    """Of so many columns, those that no trace sweeps, but for a `margin` at either edge."""
+    free = np.arange(margin, columns - margin)
+    for low, high in _ends(tracks):
+        free = free[(free < low - CLEAR * tracks.spot) | (free > high + CLEAR * tracks.spot)]
+    return free
+
+
+def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
+    """Columns across the swing of each trace, of so many; None where it is too small to show a bar."""
+    found: list[Swept | None] = []
+    ends, free = _ends(tracks), free_columns(tracks, columns, columns // 50)
+    beside = free[:: max(free.size // 64, 1)]
+    for trace, (low, high) in enumerate(ends):
+        half = 0.5 * float(high - low)
+        if half < LEAST_COLUMNS:
+            found.append(None)
+            continue
+        aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
+        column = 0.5 * (low + high) + aside
+        alone = np.ones(column.size, dtype=bool)
+        for a, b in ends[:trace] + ends[trace + 1 :]:
+            alone &= (column < a) | (column > b)
+        if alone.sum() >= ALONE * alone.size:  # where another trace does not add its light
+            column, aside = column[alone], aside[alone]
+        slope = 2.0 * np.pi * half / tracks.rows_per_swing
+        stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)
+        found.append(Swept(column.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
+    return found
+
+
+def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> Floats:
+    """What lies on each trace's columns, (2, traces, rows): light of all but a few, and its mean in strokes."""
+    out = np.zeros((2, len(across), exposure.shape[0]))
+    beside = next((own.beside for own in across if own is not None), np.empty(0, np.int64))
+    stray = np.median(exposure[:, beside], axis=1) if beside.size else 0.0
+    for trace, own in enumerate(across):
+        if own is not None:
+            light = exposure[:, np.clip(own.columns, 0, exposure.shape[1] - 1)]
+            k = int(QUANTILE * own.columns.size)
+            out[0, trace] = np.partition(light, k, axis=1)[:, k]
+            out[1, trace] = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
+    return out
+
+
+def bars(light: Floats, across: list[Swept | None], tracks: Tracks, emulsion: Emulsion) -> Bars:
+    """The bars on each trace, None where it is too small or faint to show one, from what `light_across` gives."""
+    dim = BARE * float(emulsion.noise(np.zeros(1, dtype=np.float32))[0])
+    found: Bars = []
+    for own, least, strokes in zip(across, *light, strict=True):
+        if own is None or STROKES * own.peak < dim:
+            found.append(None)
+            continue
+        usual, enough = float(np.median(least)), max(SWEPT * own.peak, dim)
+        edges = np.flatnonzero(np.diff(least - usual > FAINT * enough, prepend=False, append=False))
+        shown: list[Stand] = []
+        for begin, stop in edges.reshape(-1, 2).tolist():
+            if stop - begin > THICK * tracks.spot:
+                continue
+            rows = slice(max(begin - MARGIN, 0), stop + MARGIN)
+            row = float(least[rows] @ (np.arange(least.size)[rows] + 0.5) / least[rows].sum())
+            length = 0.5 * tracks.rows_per_swing * float((strokes[rows] - np.median(strokes)).sum())
+            top = float(least[begin:stop].max())
+            shown.append(Stand(row, length, top > DENSE, top - usual > enough))
+        found.append(shown)
+    return found
+
+
+def together(found: Bars, late: Floats) -> list[Stand]:
+    """Bars that all traces show that can, at one place of the paper; each trace lies `late` by so many rows."""
+    able = [(k, shown) for k, shown in enumerate(found) if shown is not None]
+    shown = sorted(bar._replace(row=bar.row - late[k]) for k, own in able for bar in own)
+    edges = [0, *(1 + np.flatnonzero(np.diff([each.row for each in shown]) >= APART)), len(shown)]
+    groups = [shown[first:stop] for first, stop in itertools.pairwise(edges) if stop - first >= max(len(able), 1)]
+    return [
+        Stand(float(np.mean(row)), float(np.mean(length)), any(saturated))
+        for row, length, saturated, sure in (zip(*group, strict=True) for group in groups)
+        if any(sure)
+    ]

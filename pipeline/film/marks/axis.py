@@ -1,11 +1,17 @@
-"""The time axis of a film: marks that were counted, and the paper's motion made of them."""
+"""The time axis of a film: marks that were counted, and the paper's motion made of them.
+
+The drive's model tells motion from errors by their being independent from mark to mark. Dirt, bends of the tracker's
+curve and the obliqueness of strokes are not: marks half a swing apart meet the strokes at nearly the same phase. But
+the paper moves all traces at once: what lasts in their differences is error.
+"""
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
 from pipeline.film.edits import NO_MARKS, MarkEdits
-from pipeline.film.marks.alignment import lasting, refined
 from pipeline.film.marks.drive import Drive, aliased, drive, honest_gaps, slips
 from pipeline.film.marks.numbering import Counted, number_marks
 from pipeline.film.marks.search import GapSearch
@@ -14,6 +20,9 @@ from pipeline.film.parts import Floats, Marking, TimeAxis, Tracks
 ROUNDS = 2  # of drive and shear
 FEW_FALSE = 0.005  # share of marks that may be false
 FINE = 16  # points of the paper's motion from mark to mark
+ENOUGH = 24  # marks seen on several traces, from which these alone give offsets and shear
+LAGS, ENOUGH_PAIRS = 4, 40  # marks: two swings; pairs of marks a lag
+SHARED = 0.3  # of the marks' floor, where one trace shows the marks
 
 
 def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits = NO_MARKS) -> TimeAxis:
@@ -134,3 +143,50 @@ def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     variance += shake * unseen**3 / 3.0 + roughness * unseen**5 / 20.0
     sigma[inside] = np.sqrt(variance) / np.interp(place, marks, np.maximum(paper.speed, 1e-9))
     return seconds, sigma
+
+
+def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple[Floats, float, float]:
+    """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
+
+    `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
+    show, the row is free, so that nothing of theirs is taken for the paper's motion. If there are too few of those,
+    rows are held to the motion found: a trace now left and now right of its middle shows the shear.
+    """
+    traces = len(rows)
+    used = paper.used & np.isfinite(rows) & np.isfinite(columns)
+    weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
+    each_one = np.broadcast_to(np.eye(traces)[:, :, None], (traces, *rows.shape))
+    terms = np.stack([*each_one, np.where(used, columns, 0.0), np.where(used, rows - paper.row, 0.0)])
+    several = used.sum(axis=0) > 1
+    if several.sum() >= ENOUGH:
+        weight[:, ~several] = 0.0
+    mean = np.einsum("km,pkm->pm", weight, terms) / np.maximum(weight.sum(axis=0), 1e-300)
+    terms[:, :, several] -= mean[:, None, several]
+    normal = np.einsum("km,pkm,qkm->pq", weight, terms, terms)
+    free = [*range(1, traces), traces] if traces > 1 else [0, 1]  # of one trace, what lies even is the paper's
+    matrix = normal[np.ix_(free, free)]
+    spread = np.linalg.inv(matrix + np.diag(1e-9 * np.diag(matrix) + 1e-12))
+    *offset, shear = spread @ normal[free, traces + 1]
+    # what all gaps share is the zero of time
+    by = np.column_stack([np.eye(traces)[np.nonzero(used)[0]], columns[used]])
+    by -= weight[used] @ by / max(float(weight[used].sum()), 1e-300)
+    variance = np.einsum("ni,ij,nj->n", by[:, free], spread, by[:, free])
+    unsure = float(np.sqrt(np.mean(variance))) if variance.size else 0.0
+    return np.array([0.0, *offset[: traces - 1]]), float(shear), unsure
+
+
+def lasting(rows: Floats, paper: Drive) -> float:
+    """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
+
+    NaN = missing.
+    """
+    residual = np.where(paper.used, rows - paper.row, np.nan)
+    apart = [one - other for one, other in itertools.combinations(residual, 2)]
+    products = [each[lag:] * each[:-lag] for each in apart for lag in range(1, LAGS + 1)]
+    several = [known for each in products if (known := each[np.isfinite(each)]).size >= ENOUGH_PAIRS]
+    if not several:
+        return SHARED * paper.model.floor
+    together = np.concatenate(several)
+    chance = float(np.std(together)) / np.sqrt(together.size)
+    of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two
+    return float(np.sqrt(of_one / len(rows)))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.alignment import Events
+from pipeline.film.marks.alignment import Events, Gaps, Stand
 from pipeline.film.marks.search import commonest
 from pipeline.film.parts import Floats, Tracks
 from synth.kernels.compiled import kernel
@@ -49,6 +49,9 @@ RANGE, STEP = (0.85, 1.15), 0.005  # speeds for which the fit is prepared
 CENTRED = 1e-3  # rad2, least variance of a phase that was carried
 NEAR = 8  # marks on either side over which a phase is averaged
 NEAR_MARK, NEXT = 0.13, 0.06  # of the spacing, by which marks may lie off it over the film, and locally
+BY_LIGHT, STAND_MOST = 0.35, 60.0  # 1 sigma of the logarithm of a stand's length; cost of a phase that does not fit it
+LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
+BESIDE, FEWEST, LONGER = 16, 6, 64  # marks beside a stand that show the phase; that show how the ship shakes it
 
 
 class Swings(NamedTuple):
@@ -80,19 +83,23 @@ def swings_at(tracks: Tracks, events: Events, places: Floats, spacing: float) ->
     before = lost[np.clip(np.round(rows), 0, lost.size - 1).astype(np.int64)].astype(np.float64)
     phase, extra = _phases(tracks, places, stretch)
     advance, sigma = np.full((2, len(places)), np.nan)
-    swings = Swings(phase, extra, advance, sigma, before)
     next_one = np.abs(apart / (spacing * stretch[1:]) - 1.0) < NEXT
-    for trace, each in enumerate(swings.centred):
+    for trace, each in enumerate(np.where(extra < CENTRED, phase, np.nan)):
         step = np.diff(each)[next_one]
         step = step[np.isfinite(step)]
-        if step.size < 8:
-            continue
-        centre = np.angle(np.exp(1j * step).sum())
-        for _ in range(5):
-            centre += np.median(np.angle(np.exp(1j * (step - centre))))
-        away = np.angle(np.exp(1j * (step - centre)))
-        advance[trace], sigma[trace] = centre, max(1.4826 * float(np.median(np.abs(away))), 0.01)
-    return swings._replace(extra=extra + (2.0 * np.pi / tracks.rows_per_swing * events.row_sigma) ** 2)
+        if step.size >= 8:
+            centre = np.angle(np.exp(1j * step).sum())
+            for _ in range(5):
+                centre += np.median(wrapped(step - centre))
+            spread = 1.4826 * float(np.median(np.abs(wrapped(step - centre))))
+            advance[trace], sigma[trace] = centre, max(spread, 0.01)
+    extra += (2.0 * np.pi / tracks.rows_per_swing * events.row_sigma) ** 2
+    return Swings(phase, extra, advance, sigma, before)
+
+
+def wrapped(angle: Floats) -> Floats:
+    """Angles between -pi and pi, rad."""
+    return np.asarray(np.angle(np.exp(1j * angle)))
 
 
 def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floats]:
@@ -145,19 +152,14 @@ def jumps(count: Count, swings: Swings) -> Floats:
 
 
 class Steps(NamedTuple):
-    """Steps that could be meant, by their later event."""
+    """Steps that could be meant, by their later event, and how far the paper's speed may change."""
 
     begin: Whole  # event
     end: Whole  # event
     marks: Whole
     most: Floats  # cost of the speed's change before and after it
     cost: Floats  # of each by itself: marks missed, events passed over, and swings that do not fit
-
-
-class Pace(NamedTuple):
-    """Rows of the events, and how far the paper's speed may change, 1 sigma."""
-
-    row: Floats
+    row: Floats  # of the events
     sigma: Floats
     spacing: float  # rows between marks
     change: float  # 1 sigma of the relative speed's change per mark's interval
@@ -177,11 +179,12 @@ class Count:
         return Count(self.event[first:stop], self.index[first:stop], self.lead[first : stop - 1])
 
 
-def spacing_of(rows: Floats) -> float:
-    """Rows between marks: the commonest distance of successive events.
+def usual_spacing(gaps: Gaps, traces: int) -> float:
+    """Rows between marks: the commonest distance of successive gaps of the trace that shows most.
 
-    `RefusedError`: too few events.
+    `RefusedError`: too few gaps.
     """
+    rows = gaps.row[gaps.trace == np.argmax(np.bincount(gaps.trace, minlength=traces))]
     apart = np.diff(rows)
     if np.count_nonzero(apart > 1e-6) < LEAST_MARKS:
         raise RefusedError(
@@ -209,10 +212,8 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float, breaks:
 
     `RefusedError`: no path leads from the film's start to its end.
     """
-    steps = list_steps(rows, spacing, swings, breaks)
-    first_of = np.searchsorted(steps.end, np.arange(rows.size + 1))
-    pace = Pace(rows, np.hypot(sigma, FLOOR), spacing, *unsteadiness(rows, spacing))
-    forward, backward, before = count_marks(pace, steps, first_of)
+    steps = list_steps(rows, sigma, spacing, swings, breaks)
+    forward, backward, before = count_marks(steps, np.searchsorted(steps.end, np.arange(rows.size + 1)))
     whole = forward + backward
     if not np.isfinite(whole.min(initial=np.inf)):
         raise RefusedError(
@@ -244,7 +245,7 @@ def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float, breaks:
     return Count(event[kept], index[kept], np.array([lead[a:b].min() for a, b in itertools.pairwise(kept)]))
 
 
-def list_steps(row: Floats, spacing: float, swings: Swings, breaks: Floats) -> Steps:
+def list_steps(row: Floats, sigma: Floats, spacing: float, swings: Swings, breaks: Floats) -> Steps:
     """All steps that could be meant; one over a break counts one mark, at any speed and phase."""
     end = np.repeat(np.arange(row.size), SKIP)
     begin = end - np.tile(np.arange(SKIP, 0, -1), row.size)
@@ -260,27 +261,27 @@ def list_steps(row: Floats, spacing: float, swings: Swings, breaks: Floats) -> S
     most = np.where(broken[pair], 0.0, np.where((marks >= LONG) & lost[pair], UNFOLLOWED, np.inf))
     begin, end = begin[pair], end[pair]
     cost = MISSED * np.where(marks < 6, marks - 1.0, 5.0 + 0.1 * (marks - 6.0)) + PASSED * (end - begin - 1.0)
-    for phase, extra, advance, sigma in zip(*swings[:4], strict=True):
-        away = np.angle(np.exp(1j * (phase[end] - phase[begin] - advance * marks)))
-        variance = 2.0 * sigma**2 + WANDER**2 * marks + extra[begin] + extra[end]
+    for phase, extra, advance, each in zip(*swings[:4], strict=True):
+        away = wrapped(phase[end] - phase[begin] - advance * marks)
+        variance = 2.0 * each**2 + WANDER**2 * marks + extra[begin] + extra[end]
         cost += np.where(np.isfinite(away) & (most > 0.0), np.minimum(away**2 / variance, PHASE_MOST), 0.0)
-    return Steps(begin, end, marks, most, cost)
+    return Steps(begin, end, marks, most, cost, row, np.hypot(sigma, FLOOR), spacing, *unsteadiness(row, spacing))
 
 
 @kernel
-def count_marks(pace: Pace, steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
+def count_marks(steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
     """Least cost of all paths up to and including each step, and of all paths after it; the step before it.
 
     The steps that end at each event begin at `first_of` (events + 1,). Paths begin and end within the first and last
     `SKIP` events.
     """
-    events, total, cost = pace.row.size, steps.cost.size, steps.cost
+    events, total, cost = steps.row.size, steps.cost.size, steps.cost
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     for k in range(total):
         a = steps.begin[k]
         best, which = PASSED * a if a < SKIP else math.inf, -1
         for j in range(first_of[a], first_of[a + 1]):
-            after = forward[j] + turn_cost(pace, steps, j, k)
+            after = forward[j] + turn_cost(steps, j, k)
             if after < best:
                 best, which = after, j
         forward[k], before[k] = best + cost[k], which
@@ -288,18 +289,55 @@ def count_marks(pace: Pace, steps: Steps, first_of: Whole) -> tuple[Floats, Floa
         backward[k] = PASSED * remaining if remaining < SKIP else math.inf
     for k in range(total - 1, -1, -1):
         for j in range(first_of[steps.begin[k]], first_of[steps.begin[k] + 1]):
-            backward[j] = min(backward[j], backward[k] + cost[k] + turn_cost(pace, steps, j, k))
+            backward[j] = min(backward[j], backward[k] + cost[k] + turn_cost(steps, j, k))
     return forward, backward, before
 
 
 @kernel
-def turn_cost(pace: Pace, steps: Steps, j: int, k: int) -> float:
+def turn_cost(steps: Steps, j: int, k: int) -> float:
     """Cost of the speed's change from step j to the next, k."""
     a, b, c = steps.begin[j], steps.end[j], steps.end[k]
-    before, after = steps.marks[j], steps.marks[k]
-    away = ((pace.row[c] - pace.row[b]) / after - (pace.row[b] - pace.row[a]) / before) / pace.spacing
-    change = min(pace.change * 0.5 * (before + after), pace.most_change) ** 2
-    noise = (pace.sigma[a] ** 2 + pace.sigma[b] ** 2) / before**2
-    noise += (pace.sigma[b] ** 2 + pace.sigma[c] ** 2) / after**2
-    cost = TAIL * math.log1p(away * away / (change + noise / pace.spacing**2) / TAIL)
+    before, after, row, sigma = steps.marks[j], steps.marks[k], steps.row, steps.sigma
+    away = ((row[c] - row[b]) / after - (row[b] - row[a]) / before) / steps.spacing
+    change = min(steps.change * 0.5 * (before + after), steps.most_change) ** 2
+    noise = (sigma[a] ** 2 + sigma[b] ** 2) / before**2 + (sigma[b] ** 2 + sigma[c] ** 2) / after**2
+    cost = TAIL * math.log1p(away * away / (change + noise / steps.spacing**2) / TAIL)
     return float(min(cost, steps.most[j], steps.most[k]))
+
+
+def lengths(
+    before: Count, after: Count, rows: Floats, swings: Swings, stand: Stand, pace: float
+) -> tuple[NDArray[np.int64], Floats]:
+    """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
+
+    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly. `rows` are
+    those of all events, `pace` the rows between marks.
+    """
+    moved = (rows[after.event[0]] - rows[before.event[-1]]) / pace
+    length = max(stand.length, LEAST) / pace
+    number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
+    stood = (number - moved) / length
+    away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
+    cost = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
+    for phase, advance, sigma in zip(swings.phase, swings.advance, swings.sigma, strict=True):
+        one, few, shaken = _extrapolated(before.index - before.index[-1], phase[before.event], advance)
+        other, many, shakes = _extrapolated(after.index - after.index[0], phase[after.event], advance)
+        if min(few, many) < FEWEST or not np.isfinite(advance):
+            continue
+        jump = wrapped(other - one - advance * number)
+        variance = sigma**2 * (4.0 / few + 4.0 / many) + WANDER**2 * (number + BESIDE) + shaken + shakes
+        cost = cost + np.minimum(jump**2 / variance, STAND_MOST)
+    order = np.argsort(cost, kind="stable")
+    return number[order], cost[order]
+
+
+def _extrapolated(away: NDArray[np.int64], phase: Floats, advance: float) -> tuple[float, int, float]:
+    """Phase at a mark by those nearest to it, so many marks away, and their number.
+
+    Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
+    """
+    known = np.isfinite(phase) & (np.abs(away) < LONGER)
+    turned = np.exp(1j * (phase[known] - advance * away[known]))
+    near = turned[np.abs(away[known]) < BESIDE]
+    middle = float(np.angle(near.sum()))
+    return middle, near.size, float(np.mean(np.angle(turned * np.exp(-1j * middle)) ** 2)) if near.size else 0.0

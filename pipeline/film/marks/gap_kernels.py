@@ -1,4 +1,4 @@
-"""The trace as a curve on the film, its light and brightness; a gap of the shutter fitted to where that went out.
+"""The trace as a curve on the film and its light; a gap of the shutter fitted to where that went out.
 
 The light of a piece of film is `a L - b T`: L the whole line as its course draws it, T what would have been drawn while
 the shutter was closed, between `m - w/2` and `m + w/2` on the curve. Gauss-Newton over m, a, b, w, a shift d of the
@@ -24,7 +24,6 @@ from pipeline.film.tracking.motion import solve
 from synth.kernels.compiled import kernel
 
 REACH = 3.5  # spots, beyond which there is no light
-STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is negligible
 FLANK = 9.0  # spots of line on either side of the gap
 RESULTS = 11  # of a gap, as `search.Gaps` has them
 ROW, ROW_SIGMA, COLUMN, COLUMN_SIGMA, SLOPE, WIDTH, WIDTH_SIGMA, DEPTH, DEPTH_SIGMA, LIGHT, MISFIT = range(RESULTS)
@@ -180,48 +179,6 @@ def look(exposure: Floats, first: int, row: float, column: float) -> float:
     return float(upper + a * (lower - upper))
 
 
-@kernel
-def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> float:
-    """Exposure on the axis of a curved line drawn from `half` rows before the point to `half` after it."""
-    steep = math.sqrt(1.0 + slope * slope)
-    if steep > STRAIGHT:
-        return math.erf(half * steep / (1.4142135623730951 * spot)) / steep
-    reach = min(half, REACH * spot / steep)
-    total, count = 0.0, 9
-    step = 2.0 * reach / count
-    for i in range(count):
-        x = (i + 0.5) * step - reach
-        c = x * (slope + 0.5 * curvature * x)
-        total += math.exp(-0.5 * (x * x + c * c) / (spot * spot))
-    return total * step / (2.5066282746310002 * spot)
-
-
-@kernel
-def brightness_along(
-    exposure: Floats, first: int, course: Floats, slope: Floats, curvature: Floats, begin: int, steps: int,
-    spot: float, shear: float, width: float, out: Floats, dark: Floats,
-) -> None:  # fmt: skip
-    """Exposure on the line over that expected of its slope and bend, at `steps` places a row from row `begin` on.
-
-    `out` is NaN where the trace or the piece of film, whose first row is `first`, ends; `dark` is the share of the
-    light that a gap of `width` rows centred there would take.
-    """
-    for k in range(out.size):
-        row = begin + (k + 0.5) / steps
-        column, lean = place(course, slope, row)
-        out[k], dark[k] = math.nan, 0.0
-        if math.isnan(column):
-            continue
-        steep = math.sqrt(1.0 + lean * lean)
-        dr, dc = -lean * 0.6 * spot / steep, 0.6 * spot / steep  # across the line
-        value = look(exposure, first, row, column)
-        value += look(exposure, first, row + dr, column + dc) + look(exposure, first, row - dr, column - dc)
-        bend = curvature[min(int(row), course.size - 1)]
-        whole = light_at_rest(lean, bend, spot, 1e3)
-        out[k] = value / (2.67 * whole * pace(shear, lean))  # 1 + 2 exp(-0.18)
-        dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole
-
-
 class Known(NamedTuple):
     """What is known of spot, grain and gaps."""
 
@@ -253,11 +210,12 @@ def fit_gap(
         return False
     layer = layers[:, :rows, :columns]
     # light of the line, of what the shutter took, at its two edges, and of other lines
+    reach = REACH * spot
     whole = Patch(layer[0], layer[1], layer[2], top, left)
     lost = Patch(layer[3], layer[4], layer[5], top, left)
-    line, line_d, line_h, gap, gap_d, gap_h = layer[0], layer[1], layer[2], layer[3], layer[4], layer[5]
+    line, line_d, line_h, _top, _left = whole
+    gap, gap_d, gap_h, _top, _left = lost
     start, stop, far = layer[6], layer[7], layer[8]
-    reach = REACH * spot
     near = 0.45 * known.spacing  # rows: what the line draws later than that may lie in another gap
     far[:] = 0.0
     others = Patch(far, far, far, top, left)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.film.marks.search import Gaps
+from pipeline.film.marks.alignment import Gaps
 from pipeline.film.parts import Tracks
 
 Light = Callable[[int, int], NDArray[np.float32]]

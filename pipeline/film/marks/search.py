@@ -1,4 +1,4 @@
-"""Search for gaps along every trace of a film, in one pass over its pixels.
+"""Search for gaps along every trace of a film, in one pass over its pixels, piece by piece: none holds the image.
 
 Where the line's brightness, taken along the curve, falls for as long as the shutter closes and comes back on both
 sides, a gap is fitted to the pixels; the fit decides whether it is one: all of the light gone, for the right time, and
@@ -8,74 +8,43 @@ nothing else visible (dust, scratches and other traces' lines leave a misfit).
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.film.marks.gap_kernels import Known, brightness_along, fit_gaps
-from pipeline.film.marks.pieces import MARGIN, Spans, exposed, grain, over_pieces
-from pipeline.film.marks.stands import Bars, bars, light_across, swept
+from pipeline.film.marks.alignment import Bars, Gaps, bars, light_across, swept
+from pipeline.film.marks.gap_kernels import REACH, Known, fit_gaps, look, pace, place
+from pipeline.film.marks.lines import Lines
 from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
+from synth.kernels.compiled import kernel
 
-if TYPE_CHECKING:
-    from pipeline.film.marks.lines import Lines
-
+ROWS = 1024  # of a piece
+MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
+LIGHTEST, GRAIN_STEPS = 2.5, 320  # exposure up to which the grain is tabulated
+STRAIGHT = 4.0  # length of line a row, from which its bend within a spot is negligible
 LATERAL = 0.1  # px, 1 sigma of the tracker's course across the line
 WIDTH_PRIOR = 0.12  # of the width, 1 sigma: wow, drift and shear change it
 DARK = 0.55  # share of a gap's expected darkness from which it is fitted
 BACK = 0.35  # of the line's light, on both sides of a gap
 VISIBLE = 0.3  # darkness expected in the middle of a gap, from which one is looked for
 LEAST_LIGHT = 0.06  # of a line's nominal light, below which there is none
-DEEPEST, LEAST_DEPTH, MOST_MISFIT = 1.5, 0.5, 2.5
-CERTAIN = 4.0  # sigmas
+MOST_MISFIT = 2.5
 DIM = 0.5  # of the line's light, at the ends of a gap
 STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
 BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
 SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
 SAMPLES, SAMPLE_ROWS = 8, 640  # pieces in which the width is learned
 LEAST_RUNS = 12
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 Exposure = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """Gaps on single traces, in order of their rows; an array each, in px, with 1 sigma."""
-
-    trace: NDArray[np.int64]
-    row: Floats  # of the middle of the gap on the trace
-    row_sigma: Floats
-    column: Floats  # of the trace there, by the edges of the gap
-    column_sigma: Floats
-    slope: Floats
-    width: Floats  # rows for which the shutter was closed
-    width_sigma: Floats
-    depth: Floats  # share of the light that the shutter held off: 1
-    depth_sigma: Floats
-    light: Floats  # of the line around the gap, over that of its slope
-    misfit: Floats  # mean square of the pixels' residuals over that of their grain
-
-    @staticmethod
-    def of(trace: NDArray[np.int64], fitted: Floats) -> Gaps:
-        """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
-        return Gaps(trace, *fitted.T.copy())
-
-    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Gaps:
-        """Some of them."""
-        return Gaps(*(each[which] for each in vars(self).values()))
-
-    def joined_by(self, more: Gaps) -> Gaps:
-        """Both, in order of their rows."""
-        both = Gaps(*(np.concatenate(each) for each in zip(vars(self).values(), vars(more).values(), strict=True)))
-        return both.pick(np.argsort(both.row, kind="stable"))
-
-    @property
-    def size(self) -> int:
-        """Number of gaps."""
-        return self.row.size
+Spans = Sequence[tuple[int, int]]  # First and last rows of stretches of film
 
 
 class GapSearch(NamedTuple):
@@ -122,7 +91,7 @@ def fitted(
     guesses: Floats, width: float | Floats, prior: float = WIDTH_PRIOR, lateral: float = LATERAL,
 ) -> Floats:  # fmt: skip
     """Gaps fitted near some rows of some traces of a piece of film, (gaps, RESULTS)."""
-    widths = np.broadcast_to(np.asarray(width, dtype=np.float64), guesses.shape).copy()
+    widths = np.full(guesses.shape, width)
     known = Known(tracks.spot, tracks.shear, *grain(emulsion), lateral, prior, 0.5 * tracks.rows_per_swing)
     traces = np.ascontiguousarray(traces)  # else all is compiled a second time
     return fit_gaps(exposure, first, tracks.course, tracks.slope, traces, guesses, widths, known)
@@ -135,22 +104,62 @@ def _steps(tracks: Tracks) -> int:
     return int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))
 
 
+@kernel
+def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> float:
+    """Exposure on the axis of a curved line drawn from `half` rows before the point to `half` after it."""
+    steep = math.sqrt(1.0 + slope * slope)
+    if steep > STRAIGHT:
+        return math.erf(half * steep / (1.4142135623730951 * spot)) / steep
+    reach = min(half, REACH * spot / steep)
+    total, count = 0.0, 9
+    step = 2.0 * reach / count
+    for i in range(count):
+        x = (i + 0.5) * step - reach
+        c = x * (slope + 0.5 * curvature * x)
+        total += math.exp(-0.5 * (x * x + c * c) / (spot * spot))
+    return total * step / (2.5066282746310002 * spot)
+
+
+@kernel
+def brightness_along(
+    exposure: Exposure, first: int, course: Floats, slope: Floats, curvature: Floats, rows: Floats,
+    spot: float, shear: float, width: float,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Exposure on the line over that expected of its slope and bend, and the share that a gap of `width` would take.
+
+    The first is NaN where the trace or the piece of film, whose first row is `first`, ends.
+    """
+    light, dark = np.full(rows.size, math.nan), np.zeros(rows.size)
+    for k, row in enumerate(rows):
+        column, lean = place(course, slope, row)
+        if math.isnan(column):
+            continue
+        steep = math.sqrt(1.0 + lean * lean)
+        dr, dc = -lean * 0.6 * spot / steep, 0.6 * spot / steep  # across the line
+        value = look(exposure, first, row, column)
+        value += look(exposure, first, row + dr, column + dc) + look(exposure, first, row - dr, column - dc)
+        bend = curvature[min(int(row), course.size - 1)]
+        whole = light_at_rest(lean, bend, spot, 1e3)
+        light[k] = value / (2.67 * whole * pace(shear, lean))  # 1 + 2 exp(-0.18)
+        dark[k] = light_at_rest(lean, bend, spot, 0.5 * width) / whole
+    return light, dark
+
+
 def _relative_light(
     exposure: Exposure, first: int, begin: int, stop: int, tracks: Tracks, trace: int, width: float, steps: int
 ) -> tuple[Floats, Floats, Floats]:
     """Brightness along a trace over that of its surroundings, how dark the middle of a gap would be, and the rows."""
     rows = begin + (np.arange((stop - begin) * steps) + 0.5) / steps
-    light, dark = np.empty((2, rows.size))
-    brightness_along(
-        exposure, first, tracks.course[trace], tracks.slope[trace], tracks.curvature[trace],
-        begin, steps, tracks.spot, tracks.shear, width, light, dark,
-    )  # fmt: skip
-    edges = np.linspace(0, rows.size, max(rows.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1) + 1)
-    parts = [np.sort(light[low:high]) for low, high in itertools.pairwise(edges.astype(int))]  # NaN behind the rest
-    known = np.array([np.count_nonzero(np.isfinite(each)) for each in parts])
-    shown = known > 0.3 * np.diff(edges)
-    level = [each[count // 2] for each, count, told in zip(parts, known, shown, strict=True) if told]
-    middle = 0.5 * (edges.astype(int)[:-1] + edges.astype(int)[1:])[shown]
+    line = tracks.course[trace], tracks.slope[trace], tracks.curvature[trace]
+    light, dark = brightness_along(exposure, first, *line, rows, tracks.spot, tracks.shear, width)
+    parts = max(rows.size // max(int(0.5 * tracks.rows_per_swing * steps), 8), 1)
+    middle, level = [], []
+    for low, high in itertools.pairwise(np.linspace(0, rows.size, parts + 1).astype(int).tolist()):
+        known = np.sort(light[low:high])  # NaN behind the rest
+        count = np.count_nonzero(np.isfinite(known))
+        if count > 0.3 * (high - low):
+            middle.append(0.5 * (low + high))
+            level.append(known[count // 2])
     usual = np.interp(np.arange(rows.size), middle, level) if level else np.zeros(rows.size)
     return np.where(usual > LEAST_LIGHT, light / np.maximum(usual, LEAST_LIGHT), np.nan), dark, rows
 
@@ -177,12 +186,8 @@ def _candidates(
 
 def _selected(gaps: Gaps, width: float) -> Gaps:
     """Those that are gaps, each once, by rows."""
-    good = np.isfinite(gaps.row) & (gaps.depth_sigma < 0.25)
-    good &= (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
-    good &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
-    good &= (gaps.misfit < MOST_MISFIT) & (np.abs(gaps.width - width) < 0.35 * width)
-    good &= (gaps.row_sigma < 0.5 * width) & (gaps.light > 0.1)
-    gaps = gaps.pick(good)
+    good = gaps.closed & (gaps.misfit < MOST_MISFIT) & (np.abs(gaps.width - width) < 0.35 * width)
+    gaps = gaps.pick(good & (gaps.row_sigma < 0.5 * width) & (gaps.light > 0.1))
     gaps = gaps.pick(np.lexsort((gaps.row, gaps.trace)))
     pairs = np.flatnonzero((np.diff(gaps.row) < 0.8 * width) & (np.diff(gaps.trace) == 0))
     worse = np.where(gaps.row_sigma[pairs] > gaps.row_sigma[pairs + 1], pairs, pairs + 1)
@@ -197,7 +202,7 @@ def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
     """
     length, steps = min(scan.rows, SAMPLE_ROWS), _steps(tracks)
     runs: list[float] = []
-    for begin in np.unique(np.linspace(0, scan.rows - length, SAMPLES).astype(int)).tolist():
+    for begin in spread_over(scan.rows - length, SAMPLES):
         exposure = exposed(scan, emulsion, begin, begin + length)
         for trace in range(len(tracks.course)):
             light, _, rows = _relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0, steps)
@@ -232,3 +237,73 @@ def _dark_runs(light: Floats, lean: Floats) -> Floats:
         if lean[low:high].min() > STEEP and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
             lengths.append(cross[which + 1] - cross[which])
     return np.array(lengths)
+
+
+def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 1) -> Iterator[Result]:
+    """Results of `work` on each of the items, in their order.
+
+    With several jobs the calls run in threads; items are asked for in the caller's thread, at most `jobs` of them ahead
+    of the results.
+
+    Examples
+    --------
+    >>> list(in_order(abs, [-3, 1, -2], jobs=2))
+    [3, 1, 2]
+    """
+    if jobs == 1:
+        yield from map(work, items)
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
+    waiting = iter(items)
+    with ThreadPoolExecutor(jobs) as pool:
+        coming = deque(pool.submit(work, item) for item in itertools.islice(waiting, jobs + 1))
+        try:
+            while coming:
+                yield coming.popleft().result()
+                coming.extend(pool.submit(work, item) for item in itertools.islice(waiting, 1))
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def over_pieces(
+    scan: OpenScan,
+    emulsion: Emulsion,
+    work: Callable[[int, int, int, Exposure], Result],
+    jobs: int,
+    spans: Spans | None = None,
+) -> list[Result]:
+    """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure.
+
+    `spans` are first and last rows of the stretches of interest; the whole scan by default.
+    """
+
+    def one(begin_and_stop: tuple[int, int]) -> Result:
+        begin, stop = begin_and_stop
+        first = max(begin - MARGIN, 0)
+        return work(begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows)))
+
+    spans = [(0, scan.rows - 1)] if spans is None else spans
+    return list(
+        in_order(
+            one, [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)], jobs
+        )
+    )
+
+
+def spread_over(rows: int, number: int, *, inside: bool = False) -> list[int]:
+    """A number of rows spread evenly, each once, from 0 on or `inside` alone: there pieces begin that show a film."""
+    first = np.linspace(0, rows, number + 2 * inside).astype(int)
+    return [int(each) for each in np.unique(first[1:-1] if inside else first)]
+
+
+def exposed(scan: OpenScan, emulsion: Emulsion, first: int, stop: int) -> Exposure:
+    """Exposure of some rows, (rows, columns), contiguous."""
+    pixels: NDArray[Any] = scan.read(first, stop)
+    return np.ascontiguousarray(emulsion.exposure(pixels, first), dtype=np.float32)
+
+
+def grain(emulsion: Emulsion) -> tuple[Floats, float]:
+    """1 sigma of the exposure of a pixel at evenly spaced exposures from 0 on, and their spacing."""
+    light = np.linspace(0.0, LIGHTEST, GRAIN_STEPS + 1, dtype=np.float32)
+    return np.asarray(emulsion.noise(light), dtype=np.float64), LIGHTEST / GRAIN_STEPS

@@ -16,7 +16,7 @@ from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, Optics
 from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_gaps
-from pipeline.film.marks.pieces import grain
+from pipeline.film.marks.search import grain
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined

@@ -18,7 +18,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
 from pipeline.film.edits import Placed
 from pipeline.film.emulsion import FilmEmulsion, Optics, shown_darkness
-from pipeline.film.marks.pieces import in_order
+from pipeline.film.marks.search import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.marks.search import Gaps, GapSearch
-from pipeline.film.marks.stands import Bars
+from pipeline.film.marks.alignment import Bars, Gaps
+from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Floats, Tracks
 
 

@@ -12,13 +12,13 @@ from spot_film import SPOT, Sheet, Swinging, exposure_of
 from data_schemas.errors import RefusedError
 from pipeline.film.following import ways_to_follow
 from pipeline.film.marks import gap_kernels
-from pipeline.film.marks.search import Gaps
+from pipeline.film.marks import survey as band_survey
+from pipeline.film.marks.alignment import Gaps
+from pipeline.film.marks.dense import blended, joined, unlike, usual_swing
+from pipeline.film.marks.dense_kernels import CUBIC, SIZE, first_shapes, values
+from pipeline.film.marks.strobe import AT_TURNS, BEND, UNKNOWN_BEND, bends
+from pipeline.film.marks.survey import Saturated, Survey, bands, light_of, saturation, survey
 from pipeline.film.parts import Tracks
-from pipeline.film.strobe import dense_survey
-from pipeline.film.strobe.dense import blended, joined, unlike, usual_swing
-from pipeline.film.strobe.dense_kernels import CUBIC, SIZE, first_shapes, values
-from pipeline.film.strobe.dense_survey import Saturated, Survey, bands, light_of, saturation, survey
-from pipeline.film.strobe.reading import AT_TURNS, BEND, UNKNOWN_BEND, bends
 
 PERIOD, LEAST = 17.9, 0.002
 LEFT = Swinging(100.0, 45.0, 0.3, PERIOD, slow=40.0, slow_period=150.0)  # swell of the swing's own size
@@ -92,9 +92,9 @@ def test_other_bands_than_expected_are_refused(count: int, what: str) -> None:
 @pytest.mark.parametrize("periods", [[17.9, 35.8, 18.0, 17.8, 9.0], [9.0, 17.9, 26.0, 35.0, 44.0]])
 def test_sections_vote_for_the_period(monkeypatch: pytest.MonkeyPatch, periods: list[float]) -> None:
     told = iter(periods)
-    monkeypatch.setattr(dense_survey, "PLACES", len(periods))
-    monkeypatch.setattr(dense_survey, "SWINGS", 4)
-    monkeypatch.setattr(dense_survey, "rows_per_swing", lambda *_: next(told))
+    monkeypatch.setattr(band_survey, "PLACES", len(periods))
+    monkeypatch.setattr(band_survey, "SWINGS", 4)
+    monkeypatch.setattr(band_survey, "rows_per_swing", lambda *_: next(told))
     if periods[0] == 17.9:
         assert survey(Sheet(light()), Lit(), 2).period == 17.9
         return

@@ -12,7 +12,7 @@ from data_schemas import check
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
-from pipeline.film.marks.minutes import doubts, find_minutes
+from pipeline.film.marks.numbering import doubts, find_minutes
 from pipeline.film.parts import Marking
 from pipeline.film.record import AMBIGUOUS, make_record, scale_error
 

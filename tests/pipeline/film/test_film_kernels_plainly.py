@@ -11,10 +11,10 @@ from small_film import Film, film
 
 from pipeline.film.marks import gap_kernels
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.gap_kernels import Patch, brightness_along, draw, light_at_rest, place
-from pipeline.film.marks.search import fitted
+from pipeline.film.marks.dense_kernels import SIZE, Known, fit_block, node_table, values
+from pipeline.film.marks.gap_kernels import Patch, draw, place
+from pipeline.film.marks.search import brightness_along, fitted, light_at_rest
 from pipeline.film.parts import Marking
-from pipeline.film.strobe.dense_kernels import SIZE, Known, fit_block, node_table, values
 
 
 @pytest.fixture(scope="module")
@@ -47,12 +47,11 @@ def test_a_gap_at_the_end_of_a_trace_is_not_fitted(moment: Film) -> None:
 
 
 def test_brightness_is_one_in_the_open_and_none_in_gaps(moment: Film) -> None:
-    exposure, tracks, steps = moment.emulsion.exposure(moment.scan.image, 0), moment.tracks, 4
-    light, dark = np.empty(60 * steps), np.empty(60 * steps)
+    exposure, tracks = moment.emulsion.exposure(moment.scan.image, 0), moment.tracks
+    rows = 50 + (np.arange(240) + 0.5) / 4
     line = tracks.course[0], tracks.slope[0], tracks.curvature[0]
-    brightness_along(exposure, 0, *line, 50, steps, tracks.spot, 0.0, 1.8, light, dark)
+    light, dark = brightness_along(exposure, 0, *line, rows, tracks.spot, 0.0, 1.8)
     assert np.nanmedian(light) == pytest.approx(1.0, abs=0.15)
-    rows = 50 + (np.arange(light.size) + 0.5) / steps
     away = np.abs(rows[:, None] - moment.row[0][None, :]).min(axis=1)
     lean = np.abs(np.interp(rows - 0.5, np.arange(moment.scan.rows), tracks.slope[0]))
     assert np.all(light[(away < 0.3) & (lean > 3.0)] < 0.5)
@@ -91,8 +90,8 @@ def test_a_block_of_swings_finds_its_line() -> None:
     phase = 2 * np.pi * np.interp(middle, *made_slowly.clock) / 1.00966 + 0.4
     shape = np.zeros(SIZE)
     shape[0], shape[4], shape[7] = 61.0, 29.0 * np.cos(phase + 0.15), -29.0 * np.sin(phase + 0.15)
-    known = Known(period, 1.18, 1.0, 1.0, np.full(SIZE, 10.0), node_table(period, 1.18), np.empty((80, 120)))
-    assert fit_block(exposure, 0, shape, middle, known, 8)[1] > 0.6
+    known = Known(period, 1.18, 1.0, 1.0, node_table(period, 1.18))
+    assert fit_block(exposure, 0, shape, middle, known)[1] > 0.6
     away = np.linspace(-0.7, 0.7, 60) * period
     column, slope, _ = values(shape, away, period)
     true = np.interp(middle + away - 0.5, np.arange(made_slowly.scan.rows), made_slowly.tracks.course[0])

@@ -9,8 +9,9 @@ import pytest
 from small_film import FOG, SCAN_RANGE, Film, Pixels, film
 
 from data_schemas.errors import RefusedError
+from pipeline.film.marks.alignment import Gaps
 from pipeline.film.marks.gap_kernels import Known, fit_gaps
-from pipeline.film.marks.search import Gaps, find_gaps, learned_width
+from pipeline.film.marks.search import find_gaps, learned_width
 
 pytestmark = pytest.mark.compiled
 WIDTH = 0.03 * 59.055

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from pipeline.film.marks.pieces import in_order
+from pipeline.film.marks.search import in_order
 
 
 @pytest.mark.parametrize("jobs", [1, 2, 5])

@@ -11,7 +11,7 @@ from mark_lists import Case, Made, made, slips
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.minutes import TimeReversedError
+from pipeline.film.marks.numbering import TimeReversedError
 from pipeline.film.parts import Marking, TimeAxis
 
 CODED = Marking(minute_code=0.125)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.film import digitise
+from pipeline.film.marks.alignment import Stand, swept, together
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.stands import Stand, swept, together
 from pipeline.film.parts import Marking, TimeAxis, Tracks
 from tests.films.make import write
 from tests.pipeline.film.mark_lists import Case, Made, made, slips
@@ -105,22 +105,19 @@ def test_a_bar_is_found_on_a_film_that_another_program_made(
 
 def test_a_bar_on_one_trace_alone_of_three_is_dirt() -> None:
     real = [Stand(100.0, 30.0, False)]
-    assert (
-        len(together([real, [Stand(101.0, 25.0, False)], [Stand(100.5, 28.0, False)]], np.zeros(3), 0.0, np.zeros(3)))
-        == 1
-    )
+    assert len(together([real, [Stand(101.0, 25.0, False)], [Stand(100.5, 28.0, False)]], np.zeros(3))) == 1
     stray = [Stand(400.0, 30.0, False)]
-    found = together([[*real, *stray], real, real], np.zeros(3), 0.0, np.zeros(3))
+    found = together([[*real, *stray], real, real], np.zeros(3))
     assert [round(each.row) for each in found] == [100]
 
 
 def test_a_faint_bar_counts_where_another_trace_has_a_sure_one() -> None:
     sure, faint = Stand(100.0, 30.0, False), Stand(101.0, 20.0, False, sure=False)
     none = np.zeros(2)
-    assert len(together([[sure], [faint]], none, 0.0, none)) == 1
-    assert together([[faint], [faint]], none, 0.0, none) == []
-    assert together([[sure], []], none, 0.0, none) == []
-    assert len(together([[sure], None], none, 0.0, none)) == 1
+    assert len(together([[sure], [faint]], none)) == 1
+    assert together([[faint], [faint]], none) == []
+    assert together([[sure], []], none) == []
+    assert len(together([[sure], None], none)) == 1
 
 
 @pytest.mark.parametrize("apart", [30.0, 70.0, 140.0, 400.0])

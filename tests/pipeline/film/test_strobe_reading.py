@@ -12,14 +12,14 @@ from small_film import Film, film
 
 from data_schemas.errors import RefusedError
 from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.dense import dense_tracks
 from pipeline.film.marks.numbering import shear_of_marks
 from pipeline.film.marks.search import search_gaps
+from pipeline.film.marks.strobe import GAP, read_at_marks
+from pipeline.film.marks.survey import Lie, lie_of
 from pipeline.film.parts import Marking, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.files import in_memory
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.strobe.dense import dense_tracks
-from pipeline.film.strobe.lie import Lie, lie_of
-from pipeline.film.strobe.reading import GAP, read_at_marks
 
 pytestmark = pytest.mark.compiled
 PAIR = {"sizes": (70.0, 60.0), "middles": (110.0, 300.0), "periods": (1.00966, 1.00976), "phases": (0.4, 2.2)}

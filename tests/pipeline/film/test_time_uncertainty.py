@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from mark_lists import Case, made
 
-from pipeline.film.marks.alignment import lasting
-from pipeline.film.marks.axis import _mark_sigma, axis_of, times_of
+from pipeline.film.marks.axis import _mark_sigma, axis_of, lasting, times_of
 from pipeline.film.marks.drive import NO_JUMPS, Drive, Model, drive, slips
 from pipeline.film.parts import Floats, Marking
 

@@ -7,8 +7,8 @@ import pytest
 from spot_film import CONTRAST, DENSEST, FOG, MIDDLE, SCANNER, SPOT, Sheet, Swinging, developed, exposure_of, shutter
 
 from pipeline.film.emulsion import FilmEmulsion, ToneCurve, measure_blank
-from pipeline.film.strobe.dense import dense_emulsion, fitted_curve, grain_growth
-from pipeline.film.strobe.dense_kernels import NODES, SIZE, draw_curve, node_table
+from pipeline.film.marks.dense import dense_emulsion, fitted_curve, grain_growth
+from pipeline.film.marks.dense_kernels import NODES, SIZE, draw_curve, node_table
 
 PERIOD, LAMP = 17.9, 4.0
 TRUE = ToneCurve((DENSEST - FOG) / SCANNER, MIDDLE / LAMP, CONTRAST)
@@ -55,11 +55,10 @@ def test_a_curve_is_drawn_as_a_spot_draws_it():
     node = PERIOD / NODES
     away = (np.arange(course.size) - 0.5 * (course.size - 1)) * node
     assert course == pytest.approx(trace.column(middle + away), abs=1e-9)
-    canvas = np.ones((60, 200))
-    draw_curve(canvas, 60, 180, middle + away[0], 10.0, node, course, slope, SPOT)
+    picture = np.zeros((60, 180))
+    draw_curve(picture, middle + away[0], 10, node, course, slope, SPOT)
     # a spot ends at 3 sigma, where 0.011 of its light is left
-    assert canvas[20:40, :180] == pytest.approx(light[20:40, 10:190], abs=0.015 * light.max())
-    assert np.all(canvas[:, 180:] == 1.0)
+    assert picture[20:40] == pytest.approx(light[20:40, 10:190], abs=0.015 * light.max())
 
 
 def test_exposure_is_that_of_the_darkness():

@@ -26,6 +26,8 @@ POINT, COARSE = 2.0, 4.0  # spots between points measured, at last and as long a
 NEAR, SETTLED = 0.3, 0.02  # px, of the shape's last step, from which points lie close, and from which it stays
 PRIOR = 0.2  # weight of a shape's first guess, against points px from it
 DRAW, REACH = 1.4, 3.0  # spots between spots drawn: their sum is even to 1e-4; spots, beyond which there is no light
+FITS = 3  # of a block, each with a curve drawn anew
+ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
 NODES = 40  # a swing, between which the curve is cubic: to 2e-6 of the amplitude
 EDGE = 6.0  # spots of a block's line that are drawn beyond its ends
 ACROSS, APART = 3, 0.6  # places to either side of the line, and spots between them
@@ -98,21 +100,18 @@ class Known(NamedTuple):
     spot: float
     gain: float  # exposure on the axis of a line at rest, about
     brightest: float  # exposure from which the film is saturated: what is brighter, there or drawn, counts as much
-    room: Floats  # (SIZE,), 1 sigma of what a shape may differ from where it began, px
     nodes: Floats  # of `node_table`
-    canvas: Floats  # to draw on, at least as large as a block's surroundings
 
 
 @kernel
 def draw_curve(
-    canvas: Floats, rows: int, columns: int, row: float, left: float, scale: float, course: Floats, slope: Floats,
-    spot: float,
-) -> None:  # fmt: skip
-    """Draw the line of a tabulated curve on the first rows and columns of a canvas, which are blanked before.
+    picture: Floats, row: float, left: int, scale: float, course: Floats, slope: Floats, spot: float
+) -> None:
+    """Add the line of a tabulated curve to a picture, whose first column is `left` on the film.
 
-    The first node lies on `row` of the canvas, nodes `scale` rows apart; `left` is the canvas's column on the film.
+    The first node lies on `row` of the picture, nodes `scale` rows apart.
     """
-    canvas[:rows, :columns] = 0.0
+    rows, columns = picture.shape
     across, far = np.empty(columns), -0.5 / (spot * spot)
     turn, reach, at, last_node = math.exp(2.0 * far), REACH * spot, 0.5, course.size - 0.5
     while True:
@@ -140,7 +139,7 @@ def draw_curve(
         line = step * scale * math.exp(far * down * down) / (2.5066282746310002 * spot)
         fall = math.exp(far * (2.0 * down + 1.0))
         for k in range(first, last + 1):
-            part = canvas[k, low : high + 1]
+            part = picture[k, low : high + 1]
             for x in range(part.size):
                 part[x] += line * across[x]
             line *= fall
@@ -149,14 +148,14 @@ def draw_curve(
 
 @kernel
 def fit_block(
-    exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known, rounds: int
+    exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known
 ) -> tuple[float, float]:
     """Fit a block's curve, `shape` (P, C and S by powers of x), to a piece of film that begins with row `first`.
 
     Returns the light of the line over that of its slope, 0 where the block cannot be fitted, and the share of points
     that count.
     """
-    half, spot, gain, brightest, room, _, canvas = known
+    half, spot, gain, brightest, _nodes = known
     turn = 2.0 * math.pi / half
     start = shape.copy()
     normal, right, basis = np.empty((SIZE, SIZE)), np.empty(SIZE), np.empty(SIZE)
@@ -164,17 +163,17 @@ def fit_block(
     light, share_used, reach, pace = gain, 0.0, 4.0 * spot, COARSE
     node = half / NODES
     begin = middle - 0.5 * (known.nodes.shape[1] - 1) * node
-    for turned in range(rounds):
+    for turned in range(FITS):
         course, slope = known.nodes[0] @ shape, known.nodes[1] @ shape
         inside = course[(course.size - 1) // 2 - NODES : (course.size + 1) // 2 + NODES]
         top = max(math.floor(middle - half - reach), first)
         left = max(math.floor(inside.min() - reach), 0)
         rows = min(math.ceil(middle + half + reach), first + exposure.shape[0]) - top
         columns = min(math.ceil(inside.max() + reach), exposure.shape[1]) - left
-        if rows < 8 or columns < 8 or rows > canvas.shape[0] or columns > canvas.shape[1]:
+        if rows < 8 or columns < 8:
             return 0.0, 0.0
-        draw_curve(canvas, rows, columns, begin - top, left, node, course, slope, spot)
-        picture = canvas[:rows, :columns]
+        picture = np.zeros((rows, columns))
+        draw_curve(picture, begin - top, left, node, course, slope, spot)
         normal[:], right[:] = 0.0, 0.0
         seen_light = drawn_light = 0.0
         used = count = 0
@@ -227,8 +226,8 @@ def fit_block(
         for i in range(SIZE):
             for j in range(i):
                 normal[j, i] = normal[i, j]
-            normal[i, i] += PRIOR * POINT / pace / room[i] ** 2
-            right[i] -= PRIOR * POINT / pace * (shape[i] - start[i]) / room[i] ** 2
+            normal[i, i] += PRIOR * POINT / pace / ROOM[i] ** 2
+            right[i] -= PRIOR * POINT / pace * (shape[i] - start[i]) / ROOM[i] ** 2
         if not solve(normal, right, SIZE):
             return 0.0, 0.0
         moved = 0.0
@@ -239,6 +238,6 @@ def fit_block(
         share_used = used / count
         if pace == POINT and moved < SETTLED:
             break
-        if moved < NEAR or turned + 2 >= rounds:
+        if moved < NEAR or turned + 2 >= FITS:
             pace = POINT
     return light, share_used

@@ -20,41 +20,27 @@ from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
-from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, plain_emulsion, shown_darkness
-from pipeline.film.marks.pieces import exposed
+from pipeline.film.emulsion import FilmEmulsion, ToneCurve, bounded_growth, shown_darkness
+from pipeline.film.marks import dense_kernels as kernels
+from pipeline.film.marks.search import exposed
+from pipeline.film.marks.survey import Survey, faintest, first_emulsion, inner_pieces, light_of, saturation, survey
 from pipeline.film.parts import Emulsion, Tracks
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.strobe.dense_kernels import (
-    CUBIC,
-    NODES,
-    SIZE,
-    Known,
-    draw_curve,
-    first_shapes,
-    fit_block,
-    node_table,
-    values,
-)
-from pipeline.film.strobe.dense_survey import Survey, faintest, light_of, saturation, survey
 
 APART = 1.0  # spots across the line, by which two blocks may differ in the middle between them
 BETWEEN = 9  # places at which they are compared
 GAP, LOST = 1, 32  # of the record's flags
 PIECE = 1024  # rows read at once
-ROOM = np.array([15.0, 15.0, 10.0, 5.0, 12.0, 8.0, 3.0, 12.0, 8.0, 3.0])  # px, of a shape about its first guess
-ROUNDS = 3
 LIT, DIM = 0.5, 0.06  # share of points lit, and light over the rows', from which a block is believed
 SMALLEST = 6.0  # spots, of the swing's amplitude
 ALIKE = 0.15  # of the swing, by which it may change from block to block
 RETRIES = 3  # from the neighbours' swing
 AROUND = 10  # blocks on either side that give the usual swing
-SWING = [CUBIC, CUBIC + 3]  # of a shape: cosine and sine in the block's middle
+SWING = [kernels.CUBIC, kernels.CUBIC + 3]  # of a shape: cosine and sine in the block's middle
 LEAST_READ = 0.5  # of the blocks
-USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 PLACES, RUN = 10, 3  # runs of blocks to which the curve is fitted, spread over the film, and blocks in each
 TURNS, UNIT_TURNS = 2, 4
-PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are searched
-DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
+SHARE = 2e-4  # of the pixels, that are brighter than the brightest light compared
 STEPS, FAINTEST = 24, 0.01  # of light, over the brightest, at which darkness is compared
 LEAST_PIXELS, LEAST_STEPS = 30, 8
 PRIOR = np.array([0.1, 3.0, 0.15])  # 1 sigma of the guessed curve's darkest, middle and contrast, relative
@@ -65,12 +51,9 @@ SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain i
 def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
     """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
 
-    Raises
-    ------
-    RefusedError
-        No swinging band was found, fewer than were expected, or most of one cannot be followed.
+    `RefusedError`: no swinging band, fewer than were expected, or one of which most cannot be followed.
     """
-    found, spot = survey(scan, emulsion, count), spot_of(scan)
+    found = survey(scan, emulsion, count)
     middle = block_middles(scan.rows, found.period)
     shapes, lights = follow(scan, emulsion, found, middle)
     for (left, right), light in zip(found.bands, lights, strict=True):
@@ -80,18 +63,13 @@ def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Track
                 f"film: the swings in columns {left} to {right} can be followed over {100.0 * share:.0f} % "
                 f"of the film, {100.0 * LEAST_READ:.0f} % are needed; scan at 300 dpi or more, or cut the film"
             )
-    tracks = Tracks.empty(len(shapes), scan.rows, found.period, spot)
+    tracks = Tracks.empty(len(shapes), scan.rows, found.period, found.spot)
     for k, (shape, light) in enumerate(zip(shapes, lights, strict=True)):
         tracks.course[k], tracks.slope[k], tracks.curvature[k], tracks.brightness[k] = blended(
-            middle, shape, joined(shape, light, found.period, spot), found.period, scan.rows
+            middle, shape, joined(shape, light, found.period, found.spot), found.period, scan.rows
         )
     tracks.qc[:] = np.where(np.isfinite(tracks.course), GAP, LOST)
     return tracks
-
-
-def spot_of(scan: OpenScan) -> float:
-    """1 sigma of the usual spot, px."""
-    return USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
 
 
 def block_middles(rows: int, period: float) -> Floats:
@@ -101,10 +79,9 @@ def block_middles(rows: int, period: float) -> Floats:
 
 def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, middle: Floats) -> tuple[Floats, Floats]:
     """Curves (traces, blocks, SIZE) of blocks about the rows `middle`, and light of their lines; 0 if not believed."""
-    period, spot, windows = found.period, spot_of(scan), found.windows(scan.columns)
-    shapes, lights = np.zeros((len(windows), middle.size, SIZE)), np.zeros((len(windows), middle.size))
-    canvas = np.empty((int(2.0 * period + 12.0 * spot) + 8, scan.columns))
-    brightest, table, least = saturation(emulsion), node_table(period, spot), faintest(emulsion)
+    period, spot, windows = found.period, found.spot, found.windows(scan.columns)
+    shapes, lights = np.zeros((len(windows), middle.size, kernels.SIZE)), np.zeros((len(windows), middle.size))
+    brightest, table, least = saturation(emulsion), kernels.node_table(period, spot), faintest(emulsion)
     margin = int(period + 8.0 * spot) + 2
     for begin in range(0, scan.rows, PIECE):
         here = np.flatnonzero((middle >= begin) & (middle < begin + PIECE))
@@ -114,10 +91,10 @@ def follow(scan: OpenScan, emulsion: Emulsion, found: Survey, middle: Floats) ->
         piece = exposed(scan, emulsion, first, min(begin + PIECE + margin, scan.rows))
         for trace, window in enumerate(windows):
             light, column = light_of(piece, *window, least)
-            start = first_shapes(light, column, first, middle[here], period, spot)
+            start = kernels.first_shapes(light, column, first, middle[here], period, spot)
             lit = np.isfinite(start[:, 0])
             if lit.any():
-                known = Known(period, spot, line_light(light, spot), brightest, ROOM, table, canvas)
+                known = kernels.Known(period, spot, line_light(light, spot), brightest, table)
                 at = here[lit]
                 shapes[trace, at], lights[trace, at] = fit_blocks(piece, first, start[lit], middle[at], known)
     return shapes, lights
@@ -130,7 +107,7 @@ def line_light(light: Floats, spot: float) -> float:
 
 
 def fit_blocks(
-    piece: NDArray[np.float32], first: int, start: Floats, middle: Floats, known: Known
+    piece: NDArray[np.float32], first: int, start: Floats, middle: Floats, known: kernels.Known
 ) -> tuple[Floats, Floats]:
     """Curves and lights of blocks of one trace; those that do not swing as their neighbours do are fitted again."""
     shapes, light, guess = start.copy(), np.zeros(middle.size), start.copy()
@@ -138,13 +115,13 @@ def fit_blocks(
     for _ in range(RETRIES + 1):
         for k in again:
             tried = guess[k].copy()
-            lit, share = fit_block(piece, first, tried, middle[k], known, ROUNDS)
+            lit, share = kernels.fit_block(piece, first, tried, middle[k], known)
             if share > LIT and lit > DIM * known.gain and np.hypot(*tried[SWING]) > SMALLEST * known.spot:
                 shapes[k], light[k] = tried, lit
         usual = usual_swing(shapes, light > 0.0)
         odd = unlike(shapes, usual) | (light <= 0.0)
         again = np.flatnonzero(odd & np.isfinite(usual[:, 0]))
-        light[again], guess[:, CUBIC:] = 0.0, 0.0
+        light[again], guess[:, kernels.CUBIC :] = 0.0, 0.0
         guess[:, SWING] = usual
     return shapes, light
 
@@ -169,7 +146,10 @@ def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     """Light of the blocks, 0 also for those that lie beside both their neighbours, or beside one and have no other."""
     away = np.linspace(0.25, 0.75, BETWEEN) * period
     good = light > 0.0
-    before, after = values(shape[:-1, None], away, period), values(shape[1:, None], away - period, period)
+    before, after = (
+        kernels.values(shape[:-1, None], away, period),
+        kernels.values(shape[1:, None], away - period, period),
+    )
     across = np.median(np.abs(before[0] - after[0]) / np.sqrt(1.0 + before[1] ** 2), axis=1)
     agree = np.concatenate([[False], good[:-1] & good[1:] & (across < APART * spot), [False]])
     return np.where(good & (agree[:-1] | agree[1:]), light, 0.0)
@@ -187,7 +167,10 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
     weight = np.where(both, x * x * (3.0 - 2.0 * x), np.where(known, 0.0, 1.0))
     lean = np.where(both, 6.0 * x * (1.0 - x) / period, 0.0)
     bend = np.where(both, (6.0 - 12.0 * x) / period**2, 0.0)
-    here, there = values(shape[first], at - middle[first], period), values(shape[second], at - middle[second], period)
+    here, there = (
+        kernels.values(shape[first], at - middle[first], period),
+        kernels.values(shape[second], at - middle[second], period),
+    )
     apart = there - here
     out = np.stack([*(here + weight * apart), light[first] + weight * (light[second] - light[first])])
     out[1] += lean * apart[0]
@@ -197,36 +180,17 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
     return out
 
 
-def first_emulsion(scan: OpenScan) -> FilmEmulsion:
-    """Blank film, and a guess of the curve: turning points of slow films are saturated, and suggest its end."""
-    plain, height = plain_emulsion(scan), min(ROWS, scan.rows)
-    darkest = [
-        float(np.quantile(shown_darkness(plain, scan, first, first + height), 1.0 - SHARE)) for first in pieces_of(scan)
-    ]
-    least = max(DARKEST * float(np.median(darkest)), 3.0 * float(np.sqrt(plain.grain[0])))
-    return replace(plain, curve=replace(plain.curve, darkest=least))
-
-
-def pieces_of(scan: OpenScan) -> list[int]:
-    """First rows of some pieces of a film."""
-    return [int(first) for first in np.linspace(0, scan.rows - min(ROWS, scan.rows), PIECES + 2)[1:-1]]
-
-
 def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
     """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
 
-    Raises
-    ------
-    RefusedError
-        It shows no swinging bands, or others than were expected.
+    `RefusedError`: it shows no swinging bands, or others than were expected.
     """
-    height = min(ROWS, scan.rows)
     emulsion = first_emulsion(scan)
     found, blank = survey(scan, emulsion, count), float(emulsion.grain[0])
     for _ in range(UNIT_TURNS):  # exposure about 1 on the axis of a line at rest: a trace lights every row alike
         gain = [
-            line_light(light_of(exposure, *window, faintest(emulsion))[0], spot_of(scan))
-            for exposure in (exposed(scan, emulsion, first, first + height) for first in pieces_of(scan))
+            line_light(light_of(exposure, *window, faintest(emulsion))[0], found.spot)
+            for exposure in (exposed(scan, emulsion, *piece) for piece in inner_pieces(scan))
             for window in found.windows(scan.columns)
         ]
         middle = emulsion.curve.middle / float(np.median(gain))
@@ -243,21 +207,22 @@ def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
 
 def drawn_light(scan: OpenScan, emulsion: FilmEmulsion, found: Survey) -> Floats:
     """Light that pixels of blocks here and there had, 1 on the axis of a line at rest, and their darkness, (2, n)."""
-    period, spot = found.period, spot_of(scan)
+    period, spot = found.period, found.spot
     whole = block_middles(scan.rows, period)
     firsts = np.linspace(0, max(whole.size - RUN, 0), PLACES).astype(int)
     middle = whole[np.unique((firsts[:, None] + np.arange(RUN)).clip(max=whole.size - 1))]
     shapes, lights = follow(scan, emulsion, found, middle)
-    table, node, rows = node_table(period, spot), period / NODES, int(period)
-    canvas, pixels = np.empty((rows, scan.columns)), [np.empty((2, 0))]
+    table, node, rows = kernels.node_table(period, spot), period / kernels.NODES, int(period)
+    pixels = [np.empty((2, 0))]
     for trace, (left, right) in enumerate(found.windows(scan.columns)):
         usual = median_present(np.where(lights[trace] > 0.0, lights[trace], np.nan))
         for block in np.flatnonzero(lights[trace] > 0.0):
             top = round(middle[block] - 0.5 * rows)
             course, slope = table @ shapes[trace, block]
             begin = middle[block] - 0.5 * (course.size - 1) * node - top
-            draw_curve(canvas, rows, scan.columns, begin, 0.0, node, course, slope, spot)
-            drawn = lights[trace, block] / usual * canvas[:, left:right]
+            drawn = np.zeros((rows, right - left))
+            kernels.draw_curve(drawn, begin, left, node, course, slope, spot)
+            drawn *= lights[trace, block] / usual
             lit = drawn > FAINTEST * drawn.max()
             dark = shown_darkness(emulsion, scan, top, top + rows)[:, left:right]
             pixels.append(np.stack([drawn[lit], dark[lit]]))

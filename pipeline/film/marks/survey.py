@@ -1,11 +1,14 @@
-"""Where dense bands lie on a slow film and how fast they swing: sections here and there, and what most of them say.
+"""How dense bands lie on a slow film and how fast they swing: sections here and there, and what most of them say.
 
 Light is time: whatever its speed, a trace leaves the same light in every row. So the mean place of a row's light is the
-trace's own place, blurred by the spot, though a row may show two strokes and two halves of turning points.
+trace's own place, blurred by the spot, though a row may show two strokes and two halves of turning points. Where the
+slit stands askew to the rows, light of earlier and of later times comes together, and that place swings with overtones
+that a pendulum has not.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -15,8 +18,9 @@ from scipy.ndimage import find_objects, label, uniform_filter1d
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present, row_means_present
-from pipeline.film.marks.pieces import exposed
-from pipeline.film.marks.search import commonest
+from pipeline.film.emulsion import FilmEmulsion, plain_emulsion, shown_darkness
+from pipeline.film.marks.dense_kernels import first_shapes, values
+from pipeline.film.marks.search import commonest, exposed, spread_over
 from pipeline.film.parts import Emulsion
 from pipeline.film.scan.opening import OpenScan
 
@@ -26,6 +30,7 @@ KNOWN, GUESSED = 0.3, 1.0  # of an exposure, 1 sigma of a pixel's grain up to wh
 HIDDEN = 1e3  # 1 sigma of what is not known
 SWINGS = 24  # of a section, about
 USUAL_SWING = 18.0  # rows
+USUAL_SPOT = 1.2  # px: 0.1 mm at 300 dpi
 PLACES = 9  # sections
 AGREE = 0.04  # of the rows in a swing, by which sections may differ: the paper's speed, and the section's length
 MOST = 0.5  # of the sections that show bands, at least, that must agree
@@ -33,6 +38,14 @@ LEAST_LIGHT = 0.25  # of the share of lit pixels in the midst of bands, at their
 NARROWEST = 12  # columns
 BESIDE = 0.5  # of a band's width on either side, in which its light is searched
 SHORTEST, LONGEST = 6.0, 120.0  # rows in a swing
+PIECES, ROWS = 4, 256  # pieces, and rows in each, in which the darkest pixels are searched
+DARKEST, SHARE = 1.08, 2e-4  # of the film's darkest pixels, that endless light makes; share of them
+ASIDE = 2.0  # px by which bands may run aside over the film
+STEEPEST, SHEARS = 0.035, 15  # tangent of the slit's slant, and how many are tried
+AROUND = np.linspace(-0.0125, 0.0125, 11)  # the best of them, by a parabola
+LEAST = 2.5e-3  # that matters
+SLANT_PIECES, SLANT_SWINGS = 5, 12  # of the film, that show it, and swings in each
+LESS = 0.8  # of what is left of the rows' mean places with a slit that stands askew the other way
 Columns = tuple[int, int]  # First column, and the one behind the last
 
 
@@ -77,12 +90,27 @@ class Saturated:
         return np.where(np.asarray(exposure) > self.known, np.float32(HIDDEN), sigma)
 
 
+def inner_pieces(scan: OpenScan) -> list[tuple[int, int]]:
+    """First row of some pieces of a film, not at its ends, and that behind the last."""
+    height = min(ROWS, scan.rows)
+    return [(first, first + height) for first in spread_over(scan.rows - height, PIECES, inside=True)]
+
+
+def first_emulsion(scan: OpenScan) -> FilmEmulsion:
+    """Blank film, and a guess of the curve: turning points of slow films are saturated, and suggest its end."""
+    plain = plain_emulsion(scan)
+    darkest = [float(np.quantile(shown_darkness(plain, scan, *piece), 1.0 - SHARE)) for piece in inner_pieces(scan)]
+    least = max(DARKEST * float(np.median(darkest)), 3.0 * float(np.sqrt(plain.grain[0])))
+    return replace(plain, curve=replace(plain.curve, darkest=least))
+
+
 class Survey(NamedTuple):
     """Bands of a slow film from left to right, the rows in a swing, and how far bands run aside."""
 
     bands: tuple[Columns, ...]
     period: float
     lean: float = 0.0  # columns per row
+    spot: float = USUAL_SPOT  # px, 1 sigma
 
     def windows(self, columns: int) -> list[Columns]:
         """Columns in which the light of each band is searched: half way to the next band at most."""
@@ -97,16 +125,13 @@ class Survey(NamedTuple):
 def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     """Bands, `count` if known, and rows per swing of a film, as most of its sections show them.
 
-    Raises
-    ------
-    RefusedError
-        No swinging band was found, fewer than were expected, or the sections contradict each other.
+    `RefusedError`: no swinging band, fewer than were expected, or sections that contradict each other.
     """
     length, least = min(scan.rows, int(SWINGS * USUAL_SWING)), faintest(emulsion)
     shown: list[list[Columns]] = []
     periods: list[float] = []
     places: list[list[float]] = []  # first row, and mean column of each band
-    for begin in np.unique(np.linspace(0, scan.rows - length, PLACES + 2).astype(int)[1:-1]).tolist():
+    for begin in spread_over(scan.rows - length, PLACES, inside=True):
         piece = exposed(scan, emulsion, begin, begin + length)
         if here := bands(piece > least, count):
             shown.append(here)
@@ -130,7 +155,8 @@ def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
     row, *columns = np.array([each for each in places if len(each) == count + 1]).T
     a, b = np.triu_indices(row.size, 1)
     leans = np.concatenate([(column[b] - column[a]) / (row[b] - row[a]) for column in columns])
-    return Survey(tuple(edges), float(np.median(agreeing)), median_present(leans) if leans.size else 0.0)
+    spot = USUAL_SPOT if scan.scale is None else 0.1 / scan.scale
+    return Survey(tuple(edges), float(np.median(agreeing)), median_present(leans) if leans.size else 0.0, spot)
 
 
 def mean_place(column: Floats) -> float:
@@ -166,3 +192,46 @@ def rows_per_swing(exposure: NDArray[np.float32], found: list[Columns], least: f
     top = int(np.argmax(np.where(inside, power * frequency**2, 0.0)))
     a, b, c = np.log(np.maximum(power[top - 1 : top + 2], 1e-300))
     return float(size / (top + 0.5 * (a - c) / (a - 2.0 * b + c)))
+
+
+class Lie(NamedTuple):
+    """How a film lies; see `OpenScan.straightened`."""
+
+    lean: float = 0.0  # columns by which bands run aside per row
+    shear: float = 0.0  # rows by which the image lags per column
+
+
+def lie_of(scan: OpenScan, count: int | None) -> Lie:
+    """How a slow film with `count` traces, if known, lies; exactly 0 where nothing shows that it lies askew.
+
+    `RefusedError`: no swinging band was found, or others than were expected.
+    """
+    emulsion = first_emulsion(scan)
+    found, upright, lie = survey(scan, emulsion, count), scan, Lie()
+    if abs(found.lean) * scan.rows > ASIDE:
+        lie = Lie(found.lean, -found.lean)  # as of a film that was turned in the scanner
+        upright = scan.straightened(*lie)
+        found = survey(upright, emulsion, count)
+    windows, period, least = found.windows(upright.columns), found.period, faintest(emulsion)
+
+    def overtones(shear: float) -> float:
+        shown, away = scan.straightened(lie.lean, lie.shear + shear), []
+        length = min(int(SLANT_SWINGS * period), shown.rows)
+        for first in spread_over(shown.rows - length, SLANT_PIECES):
+            piece = exposed(shown, emulsion, first, first + length)
+            for window in windows:
+                light, column = light_of(piece, *window, least)
+                middle = np.arange(1.5 * period, light.size - 1.5 * period, period)
+                shapes = first_shapes(light, column, 0, middle, period, found.spot)
+                at = middle[:, None] + np.linspace(-0.5, 0.5, int(period))
+                fitted = values(shapes[:, None], at - middle[:, None], period)[0]
+                away.append(np.abs(np.interp(at, np.arange(light.size) + 0.5, column) - fitted).ravel())
+        return median_present(np.concatenate(away))
+
+    tried = np.linspace(-STEEPEST, STEEPEST, SHEARS)
+    near = tried[int(np.nanargmin([overtones(float(shear)) for shear in tried]))] + AROUND
+    bend, slope, _ = np.polyfit(near, [overtones(float(shear)) for shear in near], 2)
+    askew = float(np.clip(-0.5 * slope / bend, near[0], near[-1])) if bend > 0.0 else 0.0
+    if abs(askew) < LEAST or overtones(askew) > LESS * overtones(-askew):
+        return lie
+    return lie._replace(shear=lie.shear + askew)

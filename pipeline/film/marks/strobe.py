@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import median_present
-from pipeline.film.marks.pieces import over_pieces
-from pipeline.film.marks.search import CERTAIN, DEEPEST, LATERAL, LEAST_DEPTH, MOST_MISFIT, Gaps, fitted, learned_width
+from pipeline.film.marks.alignment import CERTAIN, Gaps
+from pipeline.film.marks.search import LATERAL, MOST_MISFIT, fitted, learned_width, over_pieces
 from pipeline.film.normal_points import between_rows
 from pipeline.film.parts import Emulsion, Floats, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -26,24 +26,15 @@ STEEP, LEAST_STEEP = 10.0, 12  # slope of the strokes from which the error of a 
 AT_TURNS = 1.0  # times the error of a dense band on steep strokes is that in its turning points
 CROSSING = 6.0  # spots across the lines, within which another trace may hide a gap
 FLOOR = 0.06  # px along the film, of courses that are a little wrong
-UNCERTAIN = 0.25  # of the depth, 1 sigma beyond which a gap is not certain
 Integers = NDArray[np.int64]
 
 
 def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
     """Place of every trace at every mark from the first to the last, also where the search had missed it.
 
-    Parameters
-    ----------
-    axis : TimeAxis
-        Tells where to look; places do not depend on it.
-    jobs : int
-        Threads that may work.
+    Where to look is known from the `axis`; places do not depend on it. Up to `jobs` threads work.
 
-    Raises
-    ------
-    RefusedError
-        There are too few gaps to estimate how long the shutter closed.
+    `RefusedError`: there are too few gaps to estimate how long the shutter closed.
     """
     if axis.kind != "gaps":
         nothing = np.empty((len(tracks.course), 0))
@@ -66,8 +57,18 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
         near = where[trace, mark], width[trace, mark]
         return trace, mark, fitted(exposure, first, emulsion, tracks, trace, *near, WIDTH_PRIOR, lateral)
 
-    trace, mark, gaps = map(np.concatenate, zip(*over_pieces(scan, emulsion, of_piece, jobs), strict=True))
-    return _strobe(index, where, tracks, mark, Gaps.of(trace, gaps))
+    trace, mark, fits = map(np.concatenate, zip(*over_pieces(scan, emulsion, of_piece, jobs), strict=True))
+    gaps, (position, sigma) = Gaps.of(trace, fits), np.full((2, *where.shape), np.nan)
+    qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
+    # a false gap beside a mark that was never made is no mark
+    near = np.abs(gaps.row - where[trace, mark]) < CERTAIN * np.hypot(gaps.row_sigma, FLOOR) + FLOOR
+    good = gaps.closed & (gaps.misfit < MOST_MISFIT) & near
+    hidden = ~gaps.certain & _crossed(tracks, trace, where[trace, mark])
+    qc[trace, mark] = np.select([good, hidden, gaps.closed], [0, OVERLAP, AMBIGUOUS], GAP)
+    position[trace[good], mark[good]] = gaps.column[good]
+    bend = bends(tracks, gaps.pick(good))[trace[good]] / np.sqrt(1.0 + gaps.slope[good] ** 2)
+    sigma[trace[good], mark[good]] = np.hypot(gaps.column_sigma[good], bend)
+    return Strobe(index=index, position=position, sigma=sigma, qc=qc)
 
 
 def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Floats, Floats]:
@@ -80,24 +81,6 @@ def _on_trace(tracks: Tracks, trace: int, row: Floats, shear: float) -> tuple[Fl
         at = at + (row + shear * column - at) / (1.0 - shear * np.interp(at, centres, slope))
     inside = (at > 0.5) & (at < course.size - 0.5) & np.isfinite(at)
     return np.where(inside, at, np.nan), np.where(inside, np.interp(at, centres, slope), np.nan)
-
-
-def _strobe(index: Integers, where: Floats, tracks: Tracks, mark: Integers, gaps: Gaps) -> Strobe:
-    """Places of the gaps that are certain, and flags of the others."""
-    trace, (position, sigma) = gaps.trace, np.full((2, *where.shape), np.nan)
-    qc = np.where(np.isfinite(where), GAP, LOST).astype(np.uint16)
-    certain = np.isfinite(gaps.row) & (gaps.depth_sigma < UNCERTAIN)
-    closed = certain & (gaps.depth > LEAST_DEPTH) & (gaps.depth < DEEPEST)
-    closed &= np.abs(gaps.depth - 1.0) < CERTAIN * gaps.depth_sigma + 0.1
-    # a false gap beside a mark that was never made is no mark
-    near = np.abs(gaps.row - where[trace, mark]) < CERTAIN * np.hypot(gaps.row_sigma, FLOOR) + FLOOR
-    good = closed & (gaps.misfit < MOST_MISFIT) & near
-    hidden = ~certain & _crossed(tracks, trace, where[trace, mark])
-    qc[trace, mark] = np.select([good, hidden, closed], [0, OVERLAP, AMBIGUOUS], GAP)
-    position[trace[good], mark[good]] = gaps.column[good]
-    bend = bends(tracks, gaps.pick(good))[trace[good]] / np.sqrt(1.0 + gaps.slope[good] ** 2)
-    sigma[trace[good], mark[good]] = np.hypot(gaps.column_sigma[good], bend)
-    return Strobe(index=index, position=position, sigma=sigma, qc=qc)
 
 
 def read_by_rows(tracks: Tracks) -> bool:

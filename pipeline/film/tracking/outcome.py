@@ -7,11 +7,14 @@ middle. Beside a gap a row holds part of a line, whose cut is not that of a whol
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter, percentile_filter, uniform_filter1d
 from scipy.special import ndtr
 
+from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, Optics
@@ -20,8 +23,15 @@ from pipeline.film.marks.pieces import grain
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined
+from pipeline.film.tracking.probing import ROUGH
 from pipeline.film.tracking.row_reading import read_piece
 
+NOTHING = (
+    "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
+    " running along time; check the orientation and polarity of the scan, or give period and traces"
+)
+LEAST_READ = 0.15  # of the rows, and of the share of the best trace
+UNLIKE = 4.0  # mean square residual, in units of the grain's, of more than a line
 LEAST_LACK, SIGNIFICANT = 0.12, 6.0  # of a row's light, and sigma of the light missing in all, from which it is a gap
 LATERAL, LENGTH_PRIOR = 0.1, 1.0  # px, 1 sigma of the course across the line; of the length
 MOST_SIGMA = 0.5  # rows, of a fit that is believed
@@ -213,3 +223,38 @@ def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: 
     lost[..., : some.start], lost[..., some.stop :] = False, False
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]
+
+
+def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
+    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
+    variance grows with darkness by `growth`.
+
+    `RefusedError`: something else lies on a trace, one is hardly read, or two are one line.
+    """
+    most = UNLIKE * max(1.0, ROUGH / growth)
+    for trace, each in enumerate(misfit):
+        known = each[np.isfinite(each)]
+        if known.size and (usual := float(np.quantile(known, 0.75))) > most:
+            raise RefusedError(
+                f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean"
+                f" square residual is over {usual:.1f} times the grain's, at most {most:.3g} is allowed; another"
+                " trace may lie on it: give count, or cut the film where it can be read"
+            )
+    read = np.isfinite(out.position).mean(axis=1)
+    if read.max() < LEAST_READ:
+        raise RefusedError(NOTHING)
+    worst = int(np.argmin(read))
+    if read[worst] < LEAST_READ * read.max():
+        raise RefusedError(
+            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the"
+            f" best on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count"
+        )
+    for b, a in combinations(range(len(out.course)), 2):
+        away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
+        away = away[np.isfinite(away)]
+        if away.size and float(np.mean(away < out.spot)) > 0.5:
+            raise RefusedError(
+                f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
+                " count, or cut the film where they lie apart"
+            )
+    return out

@@ -25,11 +25,10 @@ from pipeline.film.emulsion import (
     shown_darkness,
 )
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
-from pipeline.film.tracking.motion import place_and_rate
+from pipeline.film.tracking.motion import MOST_NODES, nodes_of, place_and_rate, profile
+from pipeline.film.tracking.pieces import Section, follow_from
 from pipeline.film.tracking.row_reading import lit_columns
-from pipeline.film.tracking.section import Section, follow_from, read_section
-from pipeline.film.tracking.seeding import find_swings, spot_size
+from pipeline.film.tracking.seeding import find_swings, read_section, spot_size
 from synth.kernels.compiled import kernel
 
 FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where nothing is found
@@ -233,8 +232,7 @@ def _exposures(
     """
     columns = darkness.shape[1]
     exposure, dark = np.zeros((2, rows.size * columns))
-    nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
-    count = 0
+    nodes, gaps, count = np.empty((3, MOST_NODES)), np.empty((0, 2)), 0
     for n in range(rows.size):
         number = nodes_of(states[n, traces[n]], window_spot, shear, gaps, 0.0, nodes)
         low, high = lit_columns(nodes, number, 0.01 * nodes[1, number // 2])
@@ -242,12 +240,13 @@ def _exposures(
         size = stop - first
         if size < 4:
             continue
+        out = np.empty((3, size))
         dark[count : count + size] = darkness[rows[n], first:stop]
         for k in range(states.shape[1]):
             if lamp[n, k] > 0.0:
                 number = nodes_of(states[n, k], spot, shear, gaps, 0.0, nodes)
-                profile(nodes, number, 0.0, 0.0, spot, first, out, size)
-                exposure[count : count + size] += lamp[n, k] * out[0, :size]
+                profile(nodes, number, 0.0, 0.0, spot, first, out)
+                exposure[count : count + size] += lamp[n, k] * out[0]
         count += size
     return exposure[:count], dark[:count]
 

@@ -16,8 +16,9 @@ from pipeline.film.emulsion import Optics, ToneCurve
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing
 from pipeline.film.tracking.outcome import fitted_gaps
+from pipeline.film.tracking.pieces import Section
 from pipeline.film.tracking.probing import SURE, sections
-from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.seeding import read_section
 from pipeline.film.tracking.track import Following, first_section, follow_traces
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0

@@ -112,9 +112,7 @@ def slope_variance(state: Floats, covariance: Floats) -> float:
 def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float) -> None:
     """Take in a reading that lies `shift` columns from the state's own, with its variance."""
     gain = 1.0 + shear * (state[1] - state[5] * state[4])
-    column = np.empty(STATES)
-    for i in range(STATES):
-        column[i] = covariance[i, 0] + covariance[i, 3]
+    column = covariance[:, 0] + covariance[:, 3]
     total = column[0] + column[3] + variance * gain * gain
     for i in range(STATES):
         state[i] += column[i] / total * (shift * gain)

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter, percentile_filter, uniform_filter1d
+from scipy import ndimage
 from scipy.special import ndtr
 
 from data_schemas.errors import RefusedError
@@ -101,7 +101,7 @@ def read_both(
 def lamp_course(light: Floats, period: float) -> Floats:
     """Brightness of the line in the open: the running upper half of half a swing, where anything is seen."""
     width = 2 * max(4, round(0.25 * period)) + 1
-    course = percentile_filter(np.nan_to_num(light, nan=0.0), 60.0, size=width, mode="nearest")
+    course = ndimage.percentile_filter(np.nan_to_num(light, nan=0.0), 60.0, size=width, mode="nearest")
     return np.asarray(np.maximum(course, 0.02), dtype=np.float64)
 
 
@@ -111,11 +111,10 @@ def find_gaps(light: Floats, lamp: Floats, first: int) -> Floats:
     known = np.isfinite(lack)
     sigma = 1.4826 * float(np.median(np.abs(lack[known] - np.median(lack[known])))) if known.sum() > 8 else 0.1
     lack = np.where(known, lack, 0.0)
-    inside = uniform_filter1d(lack, 3, mode="constant") > max(LEAST_LACK, 2.0 * sigma)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    inside = ndimage.uniform_filter1d(lack, 3, mode="constant") > max(LEAST_LACK, 2.0 * sigma)
     gaps = []
-    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
-        a, b = max(0, begin - 1), min(lack.size, stop + 1)
+    for (dim,) in ndimage.find_objects(ndimage.label(inside)[0]):
+        a, b = max(0, dim.start - 1), min(lack.size, dim.stop + 1)
         amount = float(lack[a:b].sum())
         if amount > max(0.2, SIGNIFICANT * sigma * np.sqrt(b - a)):
             middle = first + float(np.sum(lack[a:b] * (np.arange(a, b) + 0.5))) / amount
@@ -165,7 +164,7 @@ def judge(
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
     # beside what is hidden a gap is not seen whole
-    followed = followed & ~binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
+    followed = followed & ~ndimage.binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
@@ -179,7 +178,7 @@ def judge(
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
     rejected = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
     rejected |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
-    rejected |= strange & binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
+    rejected |= strange & ndimage.binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
     rejected |= variance > WORST_NORMAL**2 * optics.spot**2 * stretch
     accepted = visible & ~gap & ~unsure & ~rejected & ~black
     qc = np.zeros(shift.size, dtype=np.uint16)
@@ -201,7 +200,7 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
     """Variance of readings of whole lines about each row: that of a row cut by the shutter is too large, not wrong."""
     good = followed & np.isfinite(variance)
     usual = float(np.median(variance[good])) if good.any() else 0.0
-    return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
+    return np.asarray(ndimage.median_filter(np.where(good, variance, usual), ABOUT))
 
 
 def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -219,7 +218,7 @@ def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray
 def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float, some: slice) -> None:
     """Where a trace was followed on some rows without being read for long it is lost: course NaN, in place."""
     size = 2 * max(4, round(LOST_SWINGS * period)) + 1
-    lost = ~np.isfinite(course) | ~maximum_filter1d(np.isfinite(position), size, mode="constant")
+    lost = ~np.isfinite(course) | ~ndimage.maximum_filter1d(np.isfinite(position), size, mode="constant")
     lost[..., : some.start], lost[..., some.stop :] = False, False
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]

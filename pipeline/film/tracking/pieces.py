@@ -274,6 +274,7 @@ class Section:
     place: Floats  # (traces, rows), NaN where there is no reading
     brightness: Floats
     share: Floats  # (traces,), rows read of those followed
+    optics: Optics  # with which it was read
 
     @property
     def period(self) -> float:
@@ -293,4 +294,4 @@ def follow_from(swings: Sequence[Swing], darkness: Floats32, first: int, optics:
     place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
     share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
     there = tuple(Swing(first + begin + 0.5, state.copy()) for state in states[begin])
-    return Section(first, darkness, there, states, place, light, share)
+    return Section(first, darkness, there, states, place, light, share, optics)

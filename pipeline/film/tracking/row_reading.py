@@ -161,31 +161,17 @@ def read_row(
     darkness: Floats32, row: float, states: Floats, alive: Integers, lens: Lens, lamp: Floats, prior: Floats,
     gaps: Floats, gap_of: Integers, settled: float,
 ) -> Floats:  # fmt: skip
-    """Shift and brightness of all traces on one row.
+    """Fit all traces to the row with centre line `row`, px.
 
-    Parameters
-    ----------
-    darkness : (columns,) array
-        Above blank film; NaN where nothing is to be read: the brightness of a trace that meets it is NaN.
-    row : float
-        Centre line of the row, px.
-    states, alive : (traces, 6), (traces,) arrays
-        Of the motion at this row; `alive` is 0 where a trace is not known.
-    lamp : (traces,) array
-        Brightness to start from.
-    prior : (traces, 2) array
-        Variance of the shift as known before, for the sake of the OTHER traces of the group (inf for none), and of the
-        slope.
-    gaps, gap_of : (n, 2), (traces + 1,) array
-        Gaps of all traces; those of trace k from `gap_of[k]` to before `gap_of[k + 1]`.
-    settled : float
-        Last step, over 1.5 spots of the normal, at which to stop.
+    Returns (traces, 6): shift, its variance, brightness, its variance, mean square residual in units of the noise, and
+    variance of the shift if the trace lay alone; variances are inf where a trace is not known or off the image.
 
-    Returns
-    -------
-    (traces, 6) array
-        Shift, its variance, brightness, its variance, mean square residual in units of the noise, variance of the
-        shift if the trace lay alone; variances are inf where a trace is not known or off the image.
+    `darkness` (columns,) is that above blank film, NaN where nothing is to be read: the brightness of a trace that
+    meets it is NaN. `states` (traces, 6) are those at this row, `alive` (traces,) is 0 where a trace is not known,
+    `lamp` (traces,) the brightness to start from. `prior` (traces, 2) are variances of the shift as known before, for
+    the sake of the OTHER traces of the group (inf for none), and of the slope. `gaps` (n, 2) are those of all traces,
+    of trace k from `gap_of[k]` to before `gap_of[k + 1]`. The fit ends with a step of `settled`, over 1.5 spots of the
+    normal.
     """
     spot, traces, columns = lens.spot, states.shape[0], darkness.size
     fit, nodes, counts = np.zeros((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64)

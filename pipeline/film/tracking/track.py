@@ -226,17 +226,16 @@ def follow_traces(
     `count` is the number of traces where it is known, `jobs` that of threads that may work; `progress` is called with
     rows done and rows to do. `RefusedError`: nothing swings on the film, or fewer traces than were expected.
     """
-    probed = probe(scan, emulsion, count)
-    if probed is None:
+    section = probe(scan, emulsion, count)
+    if section is None:
         raise RefusedError(NOTHING)
-    section, optics = probed
     traces = len(section.swings)
     if count is not None and traces < count:
         raise RefusedError(
             f"{traces} of {count} traces stand out on the film: another is too faint, or lies on one of them; scan "
             "with more light, or say with --trace what swings on it"
         )
-    film = Film(scan, emulsion, optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
+    film = Film(scan, emulsion, section.optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
     return Following.of(film, first_section(film, section))
 
 

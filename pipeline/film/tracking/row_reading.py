@@ -72,19 +72,23 @@ def _fit_group(
     blank, growth = lens.grain[0], lens.grain[1]
     size, g = darkness.size, members.size
     n, top = 3 * g + 1, table.shape[1] - 2
-    profiles, design, rates = np.empty((g, 3, size)), np.empty((n, size)), np.empty(size)
-    residual, weight, square = np.empty(size), np.empty(size), np.empty(size)
-    normal, right, value, limit = np.empty((n, n)), np.empty(n), np.zeros(n), np.empty(g)
+    profiles, design = np.empty((g, 3, size)), np.empty((n, size))
+    pixels, normal, vectors = np.empty((4, size)), np.empty((n, n)), np.zeros((4, n))
+    exposure, residual, weight, square = pixels[0], pixels[1], pixels[2], pixels[3]
+    right, value, start, limit = vectors[0], vectors[1], vectors[2], vectors[3]
     for a in range(g):
         value[3 * a + 1] = lamp[members[a]]
     offset_variance = 0.25 * blank
     for _ in range(ROUNDS):
-        start, exposure = value.copy(), np.zeros(size)
+        start[:], exposure[:] = value, 0.0
         for a in range(g):
-            k = members[a]
+            k, lit, peak = members[a], value[3 * a + 1], 0.02
             profile(nodes[k], counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[a])
-            exposure += value[3 * a + 1] * profiles[a, 0]
-            limit[a] = 1.5 * spot / max(0.02, profiles[a, 0].max())
+            for i in range(size):
+                exposure[i] += lit * profiles[a, 0, i]
+                peak = max(peak, profiles[a, 0, i])
+            limit[a] = 1.5 * spot / peak
+        rates = design[n - 1]
         for i in range(size):
             place = exposure[i] * (1.0 / STEP)
             index = min(int(place), top)
@@ -98,10 +102,11 @@ def _fit_group(
                 weight[i] *= OUTLIER / math.sqrt(square[i])
         for a in range(g):
             lit = value[3 * a + 1]
-            design[3 * a] = rates * lit * profiles[a, 1]
-            design[3 * a + 1] = rates * profiles[a, 0]
-            design[3 * a + 2] = rates * lit * profiles[a, 2]
-        design[n - 1] = 1.0
+            for i in range(size):
+                design[3 * a, i] = rates[i] * lit * profiles[a, 1, i]
+                design[3 * a + 1, i] = rates[i] * profiles[a, 0, i]
+                design[3 * a + 2, i] = rates[i] * lit * profiles[a, 2, i]
+        rates[:] = 1.0
         _normal_equations(design, residual, weight, normal, right)
         for a in range(g):
             usual = lamp[members[a]]
@@ -199,7 +204,7 @@ def read_row(
             continue
         first = int(begin[members].min())
         pixels = darkness[first : stop[members].max()]
-        if not np.isnan(pixels).any():
+        if not math.isnan(pixels.sum()):
             _fit_group(pixels, first, members, nodes, counts, lens, lamp, prior, settled, fit)
             continue
         for each in members:  # nothing is to be read here

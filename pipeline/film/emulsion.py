@@ -83,7 +83,7 @@ class FilmEmulsion(Optics):
         """Darkness above blank film from which a pixel can be no darker."""
         return float(np.log10(self.full_scale / 0.75) - self.blank.darkness.max())
 
-    def darkness(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+    def darkness(self, pixels: NDArray[Any], first: int) -> Floats32:
         """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
         knots, (rows, columns) = self.blank.rows, pixels.shape
         at = first + np.arange(rows) + 0.5
@@ -93,23 +93,20 @@ class FilmEmulsion(Optics):
         centres, top = np.arange(columns) + 0.5, strip[0]
         shown = self.blank.darkness[top : below[-1] + 1]
         levels = np.stack([np.interp(centres, self.blank.columns, level) for level in shown]).astype(np.float32)
-        out = np.empty(pixels.shape, dtype=np.float32)
         table, blur = darkness_table(self.full_scale), np.float32(self.blur)
-        darkness_above(pixels, table, levels, strip - top, weight.astype(np.float32), blur, out)
+        out = darkness_above(pixels, table, levels, strip - top, weight.astype(np.float32), blur)
         if self.blank.across is None:
             return out
         added = self.blank.across.over(first, rows, columns)
         return np.where(added > BLIND, np.float32(0.0), out - added)
 
-    def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
+    def exposure(self, pixels: NDArray[Any], first: int) -> Floats32:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
         return self.lit(self.darkness(pixels, first))
 
-    def lit(self, darkness: NDArray[np.float32]) -> NDArray[np.float32]:
+    def lit(self, darkness: Floats32) -> Floats32:
         """Relative exposure of what is so dark above blank film."""
-        out = np.empty_like(darkness)
-        look_up(darkness, self._exposures, np.float32((self._exposures.size - 1) / self.curve.darkest), out)
-        return out
+        return look_up(darkness, self._exposures, np.float32((self._exposures.size - 1) / self.curve.darkest))
 
     def clumped(self, slope: Floats) -> Floats:
         """Factor in the variance of a line's column on a row, by its slope, where grain is alike on pixels near by.
@@ -121,7 +118,7 @@ class FilmEmulsion(Optics):
         added = self.clumps[1:] * (1.0 - 0.5 * squares) * np.exp(-0.25 * squares)
         return np.asarray(np.maximum(1.0 + 2.0 * added.sum(axis=-1), 1.0))
 
-    def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
+    def noise(self, exposure: Floats32) -> Floats32:
         """1 sigma of the grain in units of exposure; on blank film that of the faintest exposure that stands out."""
         faint = float(self.curve.exposure(np.sqrt(self.grain[0])))
         value = np.clip(np.asarray(exposure, dtype=np.float64), faint, HIGHEST_EXPOSURE)
@@ -186,7 +183,7 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     return replace(plain, blank=blank._replace(across=across))
 
 
-def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> NDArray[np.float32]:
+def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> Floats32:
     """Darkness above blank film of the rows `first` to `stop` of a scan."""
     top, bottom = max(first - 1, 0), min(stop + 1, scan.rows)  # the rows beside take part in the blur
     return emulsion.darkness(scan.read(top, bottom), top)[first - top :][: stop - first]
@@ -208,7 +205,7 @@ def bounded_growth(growth: float, blank: float) -> float:
 
 
 @lru_cache
-def darkness_table(full_scale: int) -> NDArray[np.float32]:
+def darkness_table(full_scale: int) -> Floats32:
     """Log10 of full scale over pixel, for every value a pixel can have."""
     values = np.arange(full_scale + 1, dtype=np.float64)
     values[0] = 0.5
@@ -280,8 +277,8 @@ def _smoothed(level: Floats) -> Floats:
 @kernel
 def darkness_above(
     pixels: NDArray[np.uint16], table: Floats32, levels: Floats32, strip: NDArray[np.int64], weight: Floats32,
-    blur: np.float32, out: Floats32,
-) -> None:  # fmt: skip
+    blur: np.float32,
+) -> Floats32:  # fmt: skip
     """Darkness above blank film, whose `levels` (strips, columns) are that of a row's `strip` and of the next.
 
     The scanner blurred the light that came through: what it makes of a Gaussian's half variance `blur` is taken out to
@@ -289,14 +286,10 @@ def darkness_above(
     """
     rows, columns = pixels.shape
     last, own = table.size - 2, np.float32(1.0) + np.float32(4.0) * blur
-    value = np.empty(columns, dtype=np.float32)
+    value, out = np.empty(columns, dtype=np.float32), np.empty((rows, columns), dtype=np.float32)
     for i in range(rows):
         upper, lower, share = levels[strip[i]], levels[min(strip[i] + 1, levels.shape[0] - 1)], weight[i]
         above, here, below = pixels[max(i - 1, 0)], pixels[i], pixels[min(i + 1, rows - 1)]
-        if not blur > 0.0:
-            for j in range(columns):
-                out[i, j] = table[min(int(here[j]), last + 1)] - (upper[j] + share * (lower[j] - upper[j]))
-            continue
         for j in range(1, columns - 1):
             beside = np.float32(here[j - 1]) + np.float32(here[j + 1]) + np.float32(above[j]) + np.float32(below[j])
             value[j] = own * np.float32(here[j]) - blur * beside
@@ -305,12 +298,14 @@ def darkness_above(
             index = min(max(int(value[j]), 0), last)
             dark = table[index] + (value[j] - index) * (table[index + 1] - table[index])
             out[i, j] = dark - (upper[j] + share * (lower[j] - upper[j]))
+    return out
 
 
 @kernel
-def look_up(darkness: Floats32, exposures: Floats32, steps: np.float32, out: Floats32) -> None:
+def look_up(darkness: Floats32, exposures: Floats32, steps: np.float32) -> Floats32:
     """The `exposures` of darknesses that lie `steps` a unit."""
-    last = np.float32(exposures.size - 1)
+    out, last = np.empty_like(darkness), np.float32(exposures.size - 1)
     for i in range(darkness.shape[0]):
         for j in range(darkness.shape[1]):
             out[i, j] = exposures[int(min(max(darkness[i, j] * steps, np.float32(0.0)), last))]
+    return out

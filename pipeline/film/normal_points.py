@@ -1,24 +1,44 @@
-"""Normal points: the readings of the rows between two instants as one sample at the instant, no reading used twice.
+"""Normal points, and their phase beside that of the places at the marks.
 
-A sample is the course at its instant plus the mean departure of the rows' readings from the course. The course is the
-tracker's smooth curve, whose prior holds a frequency; what of it survives in a sample is second order in the row's
-distance from the instant. To keep that out of the phase, the departures are first described by a line and a swing of
-slowly changing size (`describe`), in adjoining blocks of a few swings: of the description too only second order
-survives, and its noise with it, so that the noise of the samples stays white.
+A normal point makes one sample at an instant of the readings of the rows about it, no reading used twice: the course
+at the instant plus the mean departure of the rows' readings from the course. The course is the tracker's smooth curve,
+whose prior holds a frequency; what of it survives in a sample is second order in the row's distance from the instant.
+To keep that out of the phase, the departures are first described by a line and a swing of slowly changing size
+(`describe`), in adjoining blocks of a few swings: of the description too only second order survives, and its noise with
+it, so that the noise of the samples stays white.
+
+The phases of two readings of a film, by the rows and at the marks alone, are compared as departures from the same
+course, so that what they share (swell, amplitude) drops out. Each half minute, the departures are fitted by a line, the
+course and its rate; the latter's share is the difference in time. The time axis errs alike over a few marks, and the
+course over a few rows: the uncertainty is estimated from the scatter of sums over two seconds, and from what
+neighbouring sums share.
+
+Of a hundred honest half minutes some lie beyond three sigma. The film is flagged where one lies further out, or more of
+them do, than happens in one honest film of four hundred.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.parts import Floats, Samples, TimeAxis, Tracks
+from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
 
-_SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
-_FEWEST = 24  # readings in a block: four a term
-_RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
+BLOCK_SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
+FEWEST_READINGS = 24  # readings in a block: four a term
+RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
 LOST = np.uint16(ELONGATION_FLAGS["lost"])
+BLOCK, CLUSTER = 30.0, 2.0  # s; the latter four marks, two swings
+STEP = 0.01  # s, over which the course's rate is taken
+FEWEST = 12  # samples in such a block: three a term
+FEWEST_BLOCKS = 6  # for a drift and its scatter
+MOST_SIGMAS = 3.0
+SUMS = round(BLOCK / CLUSTER)
+FREE = SUMS - 4  # degrees of freedom that a block's uncertainty has
+CHANCE = 0.0027  # of three sigma
 
 
 def normal_points(tracks: Tracks, axis: TimeAxis, rate: float) -> Samples:
@@ -52,7 +72,7 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
     weight, departure, at = tracks.sigma[trace][rows] ** -2.0, departure[rows], sample[rows]
 
     period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
-    length = max(2, round(_SWINGS * period * rate))  # samples in a block
+    length = max(2, round(BLOCK_SWINGS * period * rate))  # samples in a block
     start, span = (first - 0.5) / rate, length / rate
     block = np.arange(count) // length
 
@@ -130,11 +150,11 @@ def describe(terms: Floats, departure: Floats, weight: Floats, block: NDArray[np
     """
     coefficients = np.zeros((count, terms.shape[1]))
     edges = np.searchsorted(block, np.arange(count + 1))
-    for number in np.flatnonzero(np.diff(edges) >= _FEWEST):
+    for number in np.flatnonzero(np.diff(edges) >= FEWEST_READINGS):
         part = slice(edges[number], edges[number + 1])
         weighted = terms[part] * weight[part, None]
         matrix = weighted.T @ terms[part]
-        matrix[np.diag_indices_from(matrix)] *= 1.0 + _RIDGE
+        matrix[np.diag_indices_from(matrix)] *= 1.0 + RIDGE
         coefficients[number] = np.linalg.lstsq(matrix, weighted.T @ departure[part], rcond=1e-12)[0]
     return coefficients
 
@@ -144,3 +164,89 @@ def swing_terms(place: Floats, turns: Floats, slow: int, powers: int) -> Floats:
     angle = 2.0 * np.pi * turns
     waves = ((np.ones_like(place), slow), (np.cos(angle), powers), (np.sin(angle), powers))
     return np.stack([place**k * wave for wave, most in waves for k in range(most)], axis=-1)
+
+
+class PhaseDifference(NamedTuple):
+    """Phase by the strobe less phase by the rows between the marks."""
+
+    start: Floats  # (blocks,) s, of each half minute
+    phase: Floats  # (traces, blocks) rad; NaN where either has too few samples
+    sigma: Floats  # (traces, blocks) rad, 1 sigma of both readings' noise
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the two readings of the film differ by more than chance does, 0.27 %."""
+        from scipy.special import bdtrc, stdtr
+
+        with np.errstate(invalid="ignore", divide="ignore"):
+            away = np.abs(self.phase / self.sigma)
+        away = away[np.isfinite(away)]
+        if away.size == 0:
+            return False
+        farthest = away.size * 2.0 * float(stdtr(FREE, -away.max()))
+        beyond = int(np.count_nonzero(away > MOST_SIGMAS))
+        many = float(bdtrc(beyond - 1, away.size, 2.0 * float(stdtr(FREE, -MOST_SIGMAS)))) if beyond else 1.0
+        return min(farthest, many) < CHANCE
+
+
+def clock_uncertainty(difference: PhaseDifference, period: float) -> float | None:
+    """Relative 1 sigma of the time axis's rate, by how the two readings drift apart; None for a short film.
+
+    The strobe reads at the marks and needs no times between them. Slow errors of the time axis, which no noise of
+    single samples shows, are a drift of its phase against that of the rows, the same on all traces. `period` is that of
+    the swing, s.
+    """
+    drifts, weights = [], []
+    for phase, sigma in zip(difference.phase, difference.sigma, strict=True):
+        known = np.isfinite(phase) & (sigma > 0.0)
+        if np.count_nonzero(known) < FEWEST_BLOCKS:
+            continue
+        start = difference.start[known]
+        (drift, _), covariance = np.polyfit(start - start.mean(), phase[known], 1, w=1.0 / sigma[known], cov=True)
+        drifts.append(float(drift))
+        weights.append(1.0 / float(covariance[0, 0]))
+    if not drifts:
+        return None
+    # the traces share the axis, so that their errors are one: the mean drift, and the error of the best of them
+    mean = float(np.average(drifts, weights=weights))
+    return float(np.hypot(mean, max(weights) ** -0.5)) * period / (2.0 * np.pi)
+
+
+def compare(tracks: Tracks, axis: TimeAxis, samples: Samples, strobe: Strobe) -> PhaseDifference:
+    """Phase of every trace each half minute by the strobe less that by the normal points of the rows."""
+    marks = np.asarray(strobe.index * axis.interval, dtype=np.float64)
+    begin = np.floor(min(samples.time[0], marks[0]) / BLOCK) * BLOCK
+    start = np.arange(begin, max(samples.time[-1], marks[-1]), BLOCK)
+    leads = np.empty((2, 2, len(tracks.course), start.size))  # (strobe and rows, lead and sigma, traces, blocks), s
+    for trace in range(len(tracks.course)):
+        seconds = row_times(tracks, axis, trace)
+        readings = ((marks, strobe.position, strobe.sigma), (samples.time, samples.column, samples.sigma))
+        for which, (times, column, sigma) in enumerate(readings):
+            before, course, after = (course_at(tracks, axis, trace, seconds, times + by) for by in (-STEP, 0.0, STEP))
+            speed, away = 0.5 * (after - before) / STEP, column[trace] - course
+            for block, first in enumerate(start):
+                leads[which, :, trace, block] = _lead(times - first, away, sigma[trace], course, speed)
+    rows = float(np.median(1.0 / np.diff(axis.seconds[np.isfinite(axis.seconds)])))  # a second
+    rate = 2.0 * np.pi / tracks.rows_per_swing * rows
+    return PhaseDifference(start, rate * (leads[0, 0] - leads[1, 0]), rate * np.hypot(leads[0, 1], leads[1, 1]))
+
+
+def _lead(times: Floats, values: Floats, sigma: Floats, course: Floats, speed: Floats) -> tuple[float, float]:
+    """By how much a reading leads the course in the half minute from 0, s, and 1 sigma; NaN with too few samples."""
+    inside = (times >= 0.0) & (times < BLOCK) & np.isfinite(values + speed) & (sigma > 0.0)
+    if np.count_nonzero(inside) < FEWEST:
+        return np.nan, np.nan
+    t = times[inside]
+    place = course[inside] - course[inside].mean()
+    columns = np.stack([speed[inside], place, np.ones_like(t), t - 0.5 * BLOCK], axis=1) / sigma[inside, None]
+    inverse = np.linalg.pinv(columns.T @ columns)
+    reduced = values[inside] / sigma[inside]
+    fit = inverse @ (columns.T @ reduced)
+    # covariance of White (1980), clustered, with the neighbours' share of Newey and West (1987) and the factor for few
+    # sums; never below that of the samples' own noise
+    pulls = columns * (reduced - columns @ fit)[:, None]
+    sums = np.zeros((SUMS, 4))
+    np.add.at(sums, np.minimum((t / CLUSTER).astype(np.int64), SUMS - 1), pulls)
+    shared = sums[1:].T @ sums[:-1]
+    scattered = inverse @ (sums.T @ sums + 0.5 * (shared + shared.T)) @ inverse * (SUMS / FREE)
+    return float(fit[0]), float(np.sqrt(max(inverse[0, 0], scattered[0, 0])))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
-from pipeline.film.comparing import PhaseDifference, compare
 from pipeline.film.knowledge import Known
-from pipeline.film.normal_points import normal_points
+from pipeline.film.normal_points import PhaseDifference, compare, normal_points
 from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import MM_PER_INCH, OpenScan
 

@@ -13,8 +13,8 @@ from data_schemas.film_description import DescribedTrace
 from data_schemas.layouts import CONVENTIONS, VERSION
 from data_schemas.variables import attributes, dataset
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.comparing import clock_uncertainty
 from pipeline.film.knowledge import Known, default_traces
+from pipeline.film.normal_points import clock_uncertainty
 from pipeline.film.parts import Floats
 from pipeline.film.reading import Reading, accepted_fraction
 from pipeline.film.wander import Paper, paper_motion

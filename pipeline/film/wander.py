@@ -46,7 +46,7 @@ class Event(NamedTuple):
     time: float
     length: float  # s in which a crease fades; 0 of a step
     size: float  # px
-    excess: float  # size over its sigma
+    excess: float  # size over its sigma; 0 where it is none
 
     def moves(self, time: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """By how much the paper lies aside at some times, px, and which of them tell nothing of the paper."""
@@ -54,9 +54,6 @@ class Event(NamedTuple):
             return np.zeros(time.size), np.abs(time - self.time) < HIDES * self.length
         # what lies on the step is read on both of its sides
         return np.where(time >= self.time, self.size, 0.0), np.abs(time - self.time) < 1.5 * np.median(np.diff(time))
-
-
-NONE = Event(0.0, 0.0, 0.0, 0.0)
 
 
 def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
@@ -69,8 +66,7 @@ def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period
     differences = np.abs(sums) < 1e-9
     if not differences.any():
         return None
-    shift: Floats = np.zeros(time.size)
-    creased = np.zeros(time.size, dtype=bool)
+    shift, creased = np.zeros(time.size), np.zeros(time.size, dtype=bool)
     found = events(time, column, int(np.argmax(differences)), period)
     for event in found:
         aside, hidden = event.moves(time)
@@ -124,7 +120,7 @@ def events(time: Floats, column: Floats, difference: int, period: float) -> list
         close = time[np.abs(time - grid[near]) < 0.8 * period] - 0.5 * np.median(np.diff(time))
         event = max(_likeliest(time, column, close, period), key=lambda each: each.excess)
         if event.excess < STANDS_OUT or abs(event.size) < LEAST_EVENT:
-            best[near] = NONE
+            best[near] = best[near]._replace(excess=0.0)
             continue
         found.append(event)
         aside, hidden = event.moves(time)
@@ -138,7 +134,7 @@ def events(time: Floats, column: Floats, difference: int, period: float) -> list
 def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[Event]:
     """The likeliest event at each of some times, by least squares of each trace beside its swing.
 
-    One not alike in all traces is none.
+    One not alike in all traces has no excess.
     """
     if at.size >= 2 * PLACES:
         parts = np.array_split(at, at.size // PLACES)
@@ -171,10 +167,7 @@ def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[
     apart = np.max(np.abs(sizes - size) * np.sqrt(weights), axis=0)
     excess = np.where((apart < ALIKE + 0.2 * excess) & told[:, None], excess, 0.0)
     best = np.argmax(excess, axis=-1)
-    return [
-        Event(float(at[k]), float(lengths[b]), float(size[k, b]), float(excess[k, b])) if excess[k, b] > 0.0 else NONE
-        for k, b in enumerate(best)
-    ]
+    return [Event(float(at[k]), float(lengths[b]), float(size[k, b]), float(excess[k, b])) for k, b in enumerate(best)]
 
 
 def even_part(row: Floats, time: Floats, column: Floats, period: float) -> Floats | None:

@@ -7,11 +7,14 @@ middle. Beside a gap a row holds part of a line, whose cut is not that of a whol
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, maximum_filter1d, median_filter, percentile_filter, uniform_filter1d
+from scipy import ndimage
 from scipy.special import ndtr
 
+from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, Optics
@@ -20,8 +23,15 @@ from pipeline.film.marks.search import grain
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined
+from pipeline.film.tracking.probing import ROUGH
 from pipeline.film.tracking.row_reading import read_piece
 
+NOTHING = (
+    "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
+    " running along time; check the orientation and polarity of the scan, or give period and traces"
+)
+LEAST_READ = 0.15  # of the rows, and of the share of the best trace
+UNLIKE = 4.0  # mean square residual, in units of the grain's, of more than a line
 LEAST_LACK, SIGNIFICANT = 0.12, 6.0  # of a row's light, and sigma of the light missing in all, from which it is a gap
 LATERAL, LENGTH_PRIOR = 0.1, 1.0  # px, 1 sigma of the course across the line; of the length
 MOST_SIGMA = 0.5  # rows, of a fit that is believed
@@ -91,7 +101,7 @@ def read_both(
 def lamp_course(light: Floats, period: float) -> Floats:
     """Brightness of the line in the open: the running upper half of half a swing, where anything is seen."""
     width = 2 * max(4, round(0.25 * period)) + 1
-    course = percentile_filter(np.nan_to_num(light, nan=0.0), 60.0, size=width, mode="nearest")
+    course = ndimage.percentile_filter(np.nan_to_num(light, nan=0.0), 60.0, size=width, mode="nearest")
     return np.asarray(np.maximum(course, 0.02), dtype=np.float64)
 
 
@@ -101,11 +111,10 @@ def find_gaps(light: Floats, lamp: Floats, first: int) -> Floats:
     known = np.isfinite(lack)
     sigma = 1.4826 * float(np.median(np.abs(lack[known] - np.median(lack[known])))) if known.sum() > 8 else 0.1
     lack = np.where(known, lack, 0.0)
-    inside = uniform_filter1d(lack, 3, mode="constant") > max(LEAST_LACK, 2.0 * sigma)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
+    inside = ndimage.uniform_filter1d(lack, 3, mode="constant") > max(LEAST_LACK, 2.0 * sigma)
     gaps = []
-    for begin, stop in zip(edges[::2], edges[1::2], strict=True):
-        a, b = max(0, begin - 1), min(lack.size, stop + 1)
+    for (dim,) in ndimage.find_objects(ndimage.label(inside)[0]):
+        a, b = max(0, dim.start - 1), min(lack.size, dim.stop + 1)
         amount = float(lack[a:b].sum())
         if amount > max(0.2, SIGNIFICANT * sigma * np.sqrt(b - a)):
             middle = first + float(np.sum(lack[a:b] * (np.arange(a, b) + 0.5))) / amount
@@ -155,7 +164,7 @@ def judge(
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
     # beside what is hidden a gap is not seen whole
-    followed = followed & ~binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
+    followed = followed & ~ndimage.binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
@@ -169,7 +178,7 @@ def judge(
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
     rejected = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
     rejected |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
-    rejected |= strange & binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
+    rejected |= strange & ndimage.binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
     rejected |= variance > WORST_NORMAL**2 * optics.spot**2 * stretch
     accepted = visible & ~gap & ~unsure & ~rejected & ~black
     qc = np.zeros(shift.size, dtype=np.uint16)
@@ -191,7 +200,7 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
     """Variance of readings of whole lines about each row: that of a row cut by the shutter is too large, not wrong."""
     good = followed & np.isfinite(variance)
     usual = float(np.median(variance[good])) if good.any() else 0.0
-    return np.asarray(median_filter(np.where(good, variance, usual), ABOUT))
+    return np.asarray(ndimage.median_filter(np.where(good, variance, usual), ABOUT))
 
 
 def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -209,7 +218,42 @@ def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray
 def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: float, some: slice) -> None:
     """Where a trace was followed on some rows without being read for long it is lost: course NaN, in place."""
     size = 2 * max(4, round(LOST_SWINGS * period)) + 1
-    lost = ~np.isfinite(course) | ~maximum_filter1d(np.isfinite(position), size, mode="constant")
+    lost = ~np.isfinite(course) | ~ndimage.maximum_filter1d(np.isfinite(position), size, mode="constant")
     lost[..., : some.start], lost[..., some.stop :] = False, False
     course[lost] = np.nan
     qc[lost] = ELONGATION_FLAGS["lost"]
+
+
+def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
+    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
+    variance grows with darkness by `growth`.
+
+    `RefusedError`: something else lies on a trace, one is hardly read, or two are one line.
+    """
+    most = UNLIKE * max(1.0, ROUGH / growth)
+    for trace, each in enumerate(misfit):
+        known = each[np.isfinite(each)]
+        if known.size and (usual := float(np.quantile(known, 0.75))) > most:
+            raise RefusedError(
+                f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean"
+                f" square residual is over {usual:.1f} times the grain's, at most {most:.3g} is allowed; another"
+                " trace may lie on it: give count, or cut the film where it can be read"
+            )
+    read = np.isfinite(out.position).mean(axis=1)
+    if read.max() < LEAST_READ:
+        raise RefusedError(NOTHING)
+    worst = int(np.argmin(read))
+    if read[worst] < LEAST_READ * read.max():
+        raise RefusedError(
+            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the"
+            f" best on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count"
+        )
+    for b, a in combinations(range(len(out.course)), 2):
+        away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
+        away = away[np.isfinite(away)]
+        if away.size and float(np.mean(away < out.spot)) > 0.5:
+            raise RefusedError(
+                f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
+                " count, or cut the film where they lie apart"
+            )
+    return out

@@ -1,19 +1,28 @@
-"""The harmonic Kalman filter, started from seeds and run over pieces of film in either direction; both combined."""
+"""The harmonic Kalman filter, run over pieces and sections of film in either direction; both combined."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
-from pipeline.film.emulsion import Lens, Optics
-from pipeline.film.tracking.motion import STATES, advance, correct, place_variance, slope_of, slope_variance, solve
-from pipeline.film.tracking.row_reading import read_row, work_space
-from pipeline.film.tracking.seeding import Swing
+from pipeline.film.emulsion import Floats32, Lens, Optics
+from pipeline.film.tracking.motion import (
+    STATES,
+    advance,
+    correct,
+    moved,
+    place_variance,
+    slope_of,
+    slope_variance,
+    solve,
+)
+from pipeline.film.tracking.row_reading import read_row
 from synth.kernels.compiled import kernel
 
 GATE = 5.0  # sigma
@@ -35,7 +44,30 @@ FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 FORWARD, BACKWARD, BOTH = 1, 2, 3
 HAND, SURE = 2.0, 0.8  # spots, 1 sigma of a line drawn by hand; share of good rows where there is one
-NO_LINES = np.zeros((0, 0))
+NO_LINES = np.zeros((0, 0))  # drawn by hand
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A trace as first estimated."""
+
+    row: float  # where the state holds, px from the edge of the film
+    state: Floats  # (6,), see `motion`
+    share: float = 1.0  # part of the way that lies on dark paper
+
+    @property
+    def amplitude(self) -> float:
+        """Half the width of the swing, px."""
+        return float(np.hypot(self.state[3], self.state[4]))
+
+    @property
+    def period(self) -> float:
+        """Rows in a full swing."""
+        return float(2.0 * np.pi / self.state[5])
+
+    def at(self, row: float | Floats) -> Floats:
+        """State at another row, or at several, (..., 6)."""
+        return moved(self.state, row - self.row)
 
 
 class Filter(NamedTuple):
@@ -44,6 +76,7 @@ class Filter(NamedTuple):
     states: Floats  # (traces, 6), see `motion`
     covariances: Floats  # (traces, 6, 6)
     alive: NDArray[np.int64]  # 1 where the trace is being followed
+    begins: NDArray[np.int64]  # row of the piece from which on it is followed, though not alive now; -1 for none
     lamp: Floats  # recent brightness
     quality: Floats  # share of good rows among the recent ones
     noise: Floats  # (traces, 3), growth of the variances a row
@@ -52,20 +85,38 @@ class Filter(NamedTuple):
     @staticmethod
     def idle(traces: int, period: float) -> Filter:
         """A filter that follows nothing yet."""
-        states, noise, memory = np.zeros((traces, STATES)), np.zeros((traces, 3)), 1.0 / (QUALITY_SWINGS * period)
-        covariances, alive = np.zeros((traces, STATES, STATES)), np.zeros(traces, np.int64)
-        return Filter(states, covariances, alive, np.ones(traces), np.ones(traces), noise, min(0.5, memory))
+        states, covariances = np.zeros((traces, STATES)), np.zeros((traces, STATES, STATES))
+        alive, begins = np.zeros(traces, np.int64), np.full(traces, -1)
+        memory = min(0.5, 1.0 / (QUALITY_SWINGS * period))
+        return Filter(
+            states, covariances, alive, begins, np.ones(traces), np.ones(traces), np.zeros((traces, 3)), memory
+        )
 
-    def restart(self, trace: int, state: Floats, lamp: float = 1.0, alive: bool = True) -> None:
-        """Follow a trace (again) from a state known about as well as a seed is, at once or when its row comes."""
+    @staticmethod
+    def of(swings: Sequence[Swing], row: float) -> Filter:
+        """A filter whose next step leads from `row` to the first row to be read."""
+        out = Filter.idle(len(swings), float(np.median([swing.period for swing in swings])))
+        for k, swing in enumerate(swings):
+            out.restart(k, swing.at(row))
+        return out
+
+    def restart(self, trace: int, state: Floats, lamp: float = 1.0, begin: int = -1) -> None:
+        """Follow a trace (again) from a state known about as well as a seed is, at once or from row `begin` on."""
         amplitude, period = np.hypot(state[3], state[4]), 2.0 * np.pi / state[5]
         pair = FIRST_PLACE * amplitude + 1.0
         sigmas = [pair, FIRST_RATE * pair * 6.0 / period, FIRST_BEND * amplitude / period**2, pair, pair]
         self.states[trace] = state
         self.covariances[trace] = np.diag(np.square([*sigmas, FIRST_FREQUENCY * state[5]]))
-        self.alive[trace], self.lamp[trace], self.quality[trace] = int(alive), lamp, 0.8
+        self.alive[trace], self.begins[trace] = int(begin < 0), begin
+        self.lamp[trace], self.quality[trace] = lamp, 0.8
         bend = BEND_GROWTH * amplitude**2 / period**5
         self.noise[trace] = bend, FREQUENCY_GROWTH / period**3, PAIR_GROWTH * amplitude**2 / period
+
+    def turned(self) -> Filter:
+        """The same at the end of a piece, started again from where the traces are."""
+        for k in np.flatnonzero(self.alive).tolist():
+            self.restart(k, self.states[k].copy(), float(self.lamp[k]))
+        return self
 
 
 class Piece(NamedTuple):
@@ -78,128 +129,97 @@ class Piece(NamedTuple):
     states: Floats
     covariances: Floats
 
-    @staticmethod
-    def empty(traces: int, rows: int) -> Piece:
-        """A piece to be filled."""
-        place, variance, brightness = np.empty((3, traces, rows))
-        states, covariances = np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES))
-        return Piece(place, variance, brightness, np.zeros((traces, rows), np.uint8), states, covariances)
+
+@kernel
+def _blank_piece(traces: int, rows: int) -> Piece:
+    """A piece to be filled."""
+    shape = (traces, rows)
+    states, covariances = np.zeros((rows, traces, STATES)), np.zeros((rows, traces, STATES, STATES))
+    return Piece(
+        np.zeros(shape), np.full(shape, np.inf), np.empty(shape), np.zeros(shape, np.uint8), states, covariances
+    )
 
 
-def start(swings: Sequence[Swing], row: float) -> Filter:
-    """A filter whose next step leads from `row` to the first row to be read."""
-    begun = Filter.idle(len(swings), float(np.median([swing.period for swing in swings])))
-    for k, swing in enumerate(swings):
-        begun.restart(k, swing.at(row))
-    return begun
+@kernel
+def _predict(begun: Filter, i: int, order: int, lens: Lens, lines: Floats, piece: Piece) -> None:
+    """Carry all traces to row `i` of a piece, and keep their states before it is read."""
+    states, covariances, alive, shear = begun.states, begun.covariances, begun.alive, lens.shear
+    for k in range(alive.size):
+        if alive[k] != 0:
+            advance(states[k], covariances[k], begun.noise[k], float(order), shear)
+        elif begun.begins[k] == i:
+            alive[k], begun.begins[k] = 1, -1
+        if alive[k] != 0 and lines.shape[0] > 0 and not math.isnan(lines[k, i]):
+            # to where a person says that it runs, as surely as a hand draws
+            slope = slope_of(states[k], shear)
+            spread = HAND * HAND * lens.spot * lens.spot * (1.0 + slope * slope)
+            correct(states[k], covariances[k], lines[k, i] - states[k, 0] - states[k, 3], spread, shear)
+            begun.quality[k] = max(begun.quality[k], SURE)
+        piece.states[i, k] = states[k]
+        piece.covariances[i, k] = covariances[k]
+        piece.followed[k, i] = alive[k]
 
 
-def run(
-    begun: Filter, darkness: NDArray[np.float32], first: int, order: int, optics: Optics,
-    begins: NDArray[np.int64] | None = None, lines: Floats = NO_LINES,
-) -> Piece:  # fmt: skip
+@kernel
+def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, lines: Floats) -> Piece:
     """Follow all traces over a piece of film, along it (order 1) or against it (-1).
 
-    `begins` names rows of the piece from which on traces are followed that are not alive, -1 for none; `lines`
-    (traces, rows) are columns where a person says that traces run, NaN elsewhere.
+    `begun` is the filter before the first row to be read, and is overwritten by that after the last; `lines` (traces,
+    rows) are columns where a person says that traces run, NaN elsewhere, or `NO_LINES`.
     """
-    piece = Piece.empty(begun.alive.size, darkness.shape[0])
-    begins = np.full(begun.alive.size, -1) if begins is None else begins
-    _follow(darkness, first, order, begun, begins, lines, optics.lens, piece)
-    return piece
-
-
-def replay(
-    begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], optics: Optics, lines: Floats
-) -> Piece:
-    """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
-    piece = Piece.empty(*place.shape)
-    piece.place[:], piece.variance[:], piece.followed[:] = place, variance, followed
-    _replay(begun, lines, optics.spot, optics.shear, piece)
-    return piece
-
-
-@kernel
-def _pull(state: Floats, covariance: Floats, column: float, spot: float, shear: float) -> None:
-    """Move a trace to where a person says that it runs, as surely as a hand draws."""
-    slope = slope_of(state, shear)
-    spread = HAND * HAND * spot * spot * (1.0 + slope * slope)
-    correct(state, covariance, column - state[0] - state[3], spread, shear)
-
-
-@kernel
-def _follow(
-    darkness: NDArray[np.float32], first: int, order: int, begun: Filter, begins: NDArray[np.int64], lines: Floats,
-    lens: Lens, piece: Piece,
-) -> None:  # fmt: skip
-    """See `run`; `begun` is the filter before the first row to be read, and is overwritten by that after the last."""
-    rows, columns = darkness.shape
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
-    traces, spot, shear = alive.size, lens.spot, lens.shear
-    reading = work_space(traces, columns)
-    fit = reading.fit
-    prior = np.ones((traces, 2))
+    rows, traces, spot, shear = darkness.shape[0], alive.size, lens.spot, lens.shear
+    piece, prior = _blank_piece(traces, rows), np.ones((traces, 2))
     gaps, gap_of = np.empty((0, 2)), np.zeros(traces + 1, np.int64)
     for turn in range(rows):
         i = turn if order > 0 else rows - 1 - turn
+        _predict(begun, i, order, lens, lines, piece)
         for k in range(traces):
-            if alive[k] != 0:
-                advance(states[k], covariances[k], begun.noise[k], float(order), shear)
-            elif begins[k] == i:
-                alive[k] = 1
-            if lines.shape[0] > 0 and alive[k] != 0 and not math.isnan(lines[k, i]):
-                _pull(states[k], covariances[k], lines[k, i], spot, shear)
-                quality[k] = max(quality[k], SURE)
             if alive[k] != 0:
                 prior[k, 0] = place_variance(states[k], covariances[k], shear)
                 prior[k, 1] = max(slope_variance(states[k], covariances[k]), LEAST_SLOPE_VARIANCE)
-            piece.states[i, k] = states[k]
-            piece.covariances[i, k] = covariances[k]
-        read_row(darkness[i], first + i + 0.5, states, alive, lens, lamp, prior, gaps, gap_of, SETTLED, reading)
+        fit = read_row(darkness[i], first + i + 0.5, states, alive, lens, lamp, prior, gaps, gap_of, SETTLED)
         for k in range(traces):
-            piece.followed[k, i], piece.brightness[k, i] = alive[k], fit[k, 2]
-            piece.place[k, i], piece.variance[k, i] = 0.0, np.inf
+            shift, spread, light, light_variance, misfit = fit[k, 0], fit[k, 1], fit[k, 2], fit[k, 3], fit[k, 4]
+            piece.brightness[k, i] = light
             if alive[k] == 0:
                 continue
             slope = slope_of(states[k], shear)
             stretch = 1.0 + slope * slope
-            shift, spread, light, light_variance = fit[k, 0], fit[k, 1], fit[k, 2], fit[k, 3]
-            visible = light * light > VISIBLE * VISIBLE * light_variance and fit[k, 4] < MISFIT
+            visible = light * light > VISIBLE * VISIBLE * light_variance and misfit < MISFIT
             dim = max(0.0, 1.0 - light / lamp[k])
-            spread = spread * max(1.0, fit[k, 4]) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
-            limit = GATE * GATE * (prior[k, 0] + spread + SLACK * SLACK * spot * spot * stretch)
+            unsure = spread * max(1.0, misfit) + spot * spot * stretch * (1e-3 + 2.25 * dim * dim)
+            limit = GATE * GATE * (prior[k, 0] + unsure + SLACK * SLACK * spot * spot * stretch)
             good = visible and shift * shift <= limit
-            if not (fit[k, 1] > DEGENERATE * fit[k, 5] or math.isnan(light)):
+            if not (spread > DEGENERATE * fit[k, 5] or math.isnan(light)):
                 quality[k] += begun.memory * ((1.0 if good else 0.0) - quality[k])
             if good:
-                piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, spread
-                correct(states[k], covariances[k], shift, spread, shear)
+                piece.place[k, i], piece.variance[k, i] = states[k, 0] + states[k, 3] + shift, unsure
+                correct(states[k], covariances[k], shift, unsure, shear)
             if visible:
                 doubt = math.sqrt(light_variance) / (0.1 * lamp[k])
                 lamp[k] = max(0.02, lamp[k] + LAMP_MEMORY / (1.0 + doubt * doubt) * (light - lamp[k]))
             if quality[k] < GIVEN_UP:
                 alive[k] = 0
+    return piece
 
 
 @kernel
-def _replay(begun: Filter, lines: Floats, spot: float, shear: float, piece: Piece) -> None:
-    """See `replay`; overwrites the states of the piece."""
-    states, covariances, alive = begun.states, begun.covariances, begun.alive
-    for i in range(piece.states.shape[0]):
-        for k in range(alive.size):
-            if piece.followed[k, i] == 0:
-                continue
-            if alive[k] == 0:
-                alive[k] = 1
-            else:
-                advance(states[k], covariances[k], begun.noise[k], 1.0, shear)
-            if lines.shape[0] > 0 and not math.isnan(lines[k, i]):
-                _pull(states[k], covariances[k], lines[k, i], spot, shear)
-            piece.states[i, k] = states[k]
-            piece.covariances[i, k] = covariances[k]
-            if np.isfinite(piece.variance[k, i]):
-                shift = piece.place[k, i] - (states[k, 0] + states[k, 3])
-                correct(states[k], covariances[k], shift, piece.variance[k, i], shear)
+def replay(
+    begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], lens: Lens, lines: Floats
+) -> Piece:
+    """A piece once more from the readings that were kept of it, (traces, rows), without the film."""
+    traces, rows = place.shape
+    piece = _blank_piece(traces, rows)
+    for i in range(rows):
+        _predict(begun, i, 1, lens, lines, piece)
+        for k in range(traces):
+            if np.isfinite(variance[k, i]):
+                state = begun.states[k]
+                shift = place[k, i] - (state[0] + state[3])
+                correct(state, begun.covariances[k], shift, variance[k, i], lens.shear)
+    piece.followed[:] = followed
+    return piece
 
 
 class Course(NamedTuple):
@@ -241,3 +261,37 @@ def combined(forward: Piece, backward: Piece, spot: float, shear: float) -> Cour
                 variance[k, i] = place_variance(states[i, k], change, shear)
                 slope_spread[k, i] = slope_variance(states[i, k], change)
     return Course(states, variance, slope_spread, disagreement, known)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Traces of one section, from left to right."""
+
+    first: int  # row of the film
+    darkness: Floats32  # (rows, columns), above blank film
+    swings: tuple[Swing, ...]  # one a trace, all at one row
+    states: Floats  # (rows, traces, 6), see `motion`
+    place: Floats  # (traces, rows), NaN where there is no reading
+    brightness: Floats
+    share: Floats  # (traces,), rows read of those followed
+    optics: Optics  # with which it was read
+
+    @property
+    def period(self) -> float:
+        """Rows in a full swing."""
+        return float(np.median([swing.period for swing in self.swings]))
+
+
+def follow_from(swings: Sequence[Swing], darkness: Floats32, first: int, optics: Optics, least: float) -> Section:
+    """Follow swings given at one row both ways through a section; fewer rows than `least` count as so many."""
+    begin = round(swings[0].row - 0.5) - first
+    begun = Filter.of(swings, first + begin - 0.5)
+    run(begun, darkness[begin:], first + begin, 1, optics.lens, NO_LINES)
+    backward, forward = (run(begun.turned(), darkness, first, order, optics.lens, NO_LINES) for order in (-1, 1))
+    course = combined(forward, backward, optics.spot, optics.shear)
+    states, known = course.states, course.known > 0
+    used = np.isfinite(backward.variance) & known
+    place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
+    share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
+    there = tuple(Swing(first + begin + 0.5, state.copy()) for state in states[begin])
+    return Section(first, darkness, there, states, place, light, share, optics)

@@ -25,11 +25,10 @@ from pipeline.film.emulsion import (
     shown_darkness,
 )
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
-from pipeline.film.tracking.motion import place_and_rate
+from pipeline.film.tracking.motion import MOST_NODES, nodes_of, place_and_rate, profile
+from pipeline.film.tracking.pieces import Section, follow_from
 from pipeline.film.tracking.row_reading import lit_columns
-from pipeline.film.tracking.section import Section, follow_from, read_section
-from pipeline.film.tracking.seeding import find_swings, spot_size
+from pipeline.film.tracking.seeding import find_swings, read_section, spot_size
 from synth.kernels.compiled import kernel
 
 FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where nothing is found
@@ -65,10 +64,10 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
     sharp = replace(plain, blur=float(np.clip(0.5 * (beside - next_one), 0.0, MOST_BLUR)))
     clumps, variance = clumps_of(scan, sharp)
     sharp = replace(sharp, clumps=clumps, grain=plain.grain * (variance / blurred))
-    probed = probe(scan, sharp)
-    if probed is None:
+    section = probe(scan, sharp)
+    if section is None:
         return sharp
-    section, at = probed
+    at = section.optics
     return replace(sharp, spot=at.spot, shear=at.shear, curve=at.curve, grain=at.grain, swing=section.period)
 
 
@@ -93,22 +92,22 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
             yield first, min(rows, first + height)
 
 
-def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> tuple[Section, Optics] | None:
-    """The section that shows most traces, and optics fitted to it; None if nothing swings on the film.
+def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> Section | None:
+    """The section that shows most traces, with optics fitted to one; None if nothing swings on the film.
 
     Of an emulsion whose spot is known the shear alone is fitted.
     """
     height, known = FIRST_ROWS, emulsion.spot > 0.0
     while True:
         tried: list[tuple[int, int]] = []
-        read: list[tuple[Section, Optics]] = []
+        read: list[Section] = []
         for first, stop in sections(scan.rows, height):
             whole = _whole(read, count)
             if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
             piece = shown_darkness(emulsion, scan, first, stop)
             guess = emulsion if known else first_optics(piece, float(np.sqrt(emulsion.grain[0])))
-            one = _read_askew(piece, first, guess, read[0][0].period if read else emulsion.swing, count)
+            one = _read_askew(piece, first, guess, read[0].period if read else emulsion.swing, count)
             tried.append((first, stop))
             read += [] if one is None else [one]
         if read:
@@ -116,29 +115,29 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> t
         if height >= min(scan.rows, TALLEST):
             return None
         height *= 2
-    section, guess = max(_whole(read, count) or read, key=lambda each: _open_rows(each[0], each[1].spot)[0].size)
-    section, optics = refine(section, guess, fixed=known)
+    likeliest = max(_whole(read, count) or read, key=lambda each: _open_rows(each, each.optics.spot)[0].size)
+    section = refine(likeliest, fixed=known)
     for first, stop in tried if count is None else sections(scan.rows, height):
         if first == section.first or len(section.swings) == count:
             continue
         piece = shown_darkness(emulsion, scan, first, stop)
-        other = read_section(piece, first, optics, section.period, count, least=SURE)
+        other = read_section(piece, first, section.optics, section.period, count, least=SURE)
         if other is not None and len(other.swings) > len(section.swings):
             section = other
-    return section, optics
+    return section
 
 
-def _whole(read: list[tuple[Section, Optics]], count: int | None) -> list[tuple[Section, Optics]]:
+def _whole(read: list[Section], count: int | None) -> list[Section]:
     """The sections that show as many traces as there are: where one is missing, two may have been taken for one."""
-    return [each for each in read if count is None or len(each[0].swings) == count]
+    return [each for each in read if count is None or len(each.swings) == count]
 
 
-def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Optics]:
+def refine(section: Section, fixed: bool) -> Section:
     """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads.
 
     With `fixed` optics the shear alone is fitted.
     """
-    shown, pace = 0.0, HIDDEN
+    optics, shown, pace = section.optics, 0.0, HIDDEN
     for turn in range(REFINEMENTS):
         before, last, shown = optics, shown, measure_shear(section)
         pace = 0.5 * pace if shown * last < 0.0 else pace  # too far
@@ -156,23 +155,22 @@ def refine(section: Section, optics: Optics, fixed: bool) -> tuple[Section, Opti
         )
         if np.abs(shape - shape_before).max() < ALIKE and abs(optics.shear - before.shear) < SETTLED_SHEAR:
             break
-    return section, optics
+    return replace(section, optics=optics)
 
 
 def _read_askew(
     piece: NDArray[np.float32], first: int, guess: Optics, period: float | None, count: int | None
-) -> tuple[Section, Optics] | None:
+) -> Section | None:
     """A section read with the first of several ways the slit may stand to the rows that suits it, or the best."""
     seeds = find_swings(piece, first, guess.spot, float(np.sqrt(guess.grain[0])), period)
-    read: list[tuple[Section, Optics]] = []
+    read: list[Section] = []
     for askew in ASKEW:
-        optics = replace(guess, shear=guess.shear + askew)
-        section = read_section(piece, first, optics, period, count, seeds)
+        section = read_section(piece, first, replace(guess, shear=guess.shear + askew), period, count, seeds)
         if section is not None:
-            read.append((section, optics))
+            read.append(section)
             if section.share.min() >= UPRIGHT:
                 break
-    return max(read, key=lambda each: float(each[0].share.sum()), default=None)
+    return max(read, key=lambda each: float(each.share.sum()), default=None)
 
 
 def calibrate(section: Section, optics: Optics) -> Optics:
@@ -233,8 +231,7 @@ def _exposures(
     """
     columns = darkness.shape[1]
     exposure, dark = np.zeros((2, rows.size * columns))
-    nodes, out, gaps = np.empty((3, MOST_NODES)), np.empty((3, columns)), np.empty((0, 2))
-    count = 0
+    nodes, gaps, count = np.empty((3, MOST_NODES)), np.empty((0, 2)), 0
     for n in range(rows.size):
         number = nodes_of(states[n, traces[n]], window_spot, shear, gaps, 0.0, nodes)
         low, high = lit_columns(nodes, number, 0.01 * nodes[1, number // 2])
@@ -242,12 +239,13 @@ def _exposures(
         size = stop - first
         if size < 4:
             continue
+        out = np.empty((3, size))
         dark[count : count + size] = darkness[rows[n], first:stop]
         for k in range(states.shape[1]):
             if lamp[n, k] > 0.0:
                 number = nodes_of(states[n, k], spot, shear, gaps, 0.0, nodes)
-                profile(nodes, number, 0.0, 0.0, spot, first, out, size)
-                exposure[count : count + size] += lamp[n, k] * out[0, :size]
+                profile(nodes, number, 0.0, 0.0, spot, first, out)
+                exposure[count : count + size] += lamp[n, k] * out[0]
         count += size
     return exposure[:count], dark[:count]
 

@@ -13,15 +13,13 @@ Fitted in darkness, where the grain is normal, and not in exposure, where the to
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import STEP, Lens
-from pipeline.film.tracking.line_profile import MOST_NODES, REACH, nodes_of, profile
-from pipeline.film.tracking.motion import slope_of, solve
+from pipeline.film.tracking.motion import MOST_NODES, REACH, nodes_of, profile, slope_of, solve
 from synth.kernels.compiled import kernel, summing_kernel
 
 Integers = NDArray[np.int64]
@@ -35,41 +33,12 @@ WINDOW = 3.5  # spots beyond the outermost light
 SETTLED = 0.03
 
 
-class Work(NamedTuple):
-    """The fit of a row and its work space.
-
-    Attributes
-    ----------
-    fit : (traces, 6) array
-        Shift, its variance, brightness, its variance, mean square residual in units of the noise, variance of the
-        shift if the trace lay alone; variances are inf where a trace is not known or off the image.
-    """
-
-    fit: Floats
-    nodes: Floats  # (traces, 3, MOST_NODES), see `line_profile.nodes_of`
-    counts: Integers
-    windows: Integers  # (traces, 4): first column and the one behind the last, group, members of a group
-    profiles: Floats  # (traces, 3, columns), see `line_profile.profile`
-    design: Floats  # (3 traces + 1, columns): what a change of each unknown adds to each pixel
-    pixels: Floats  # (5, columns): exposure, residual, weight, square of the residual over its noise, a product
-    matrices: Floats
-
-
-@kernel
-def work_space(traces: int, columns: int) -> Work:
-    """Arrays for the fit of rows."""
-    return Work(
-        np.empty((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64),
-        np.empty((traces, 4), np.int64), np.empty((traces, 3, columns)),
-        np.empty((3 * traces + 1, columns)), np.empty((5, columns)), np.empty((3, 3 * traces + 8, 3 * traces + 8)),
-    )  # fmt: skip
-
-
 @summing_kernel
-def _normal_equations(design: Floats, pixels: Floats, size: int, normal: Floats, right: Floats) -> None:
-    """Of `right.size` unknowns and so many pixels; the lower half of the matrix."""
-    residual, weight, weighed = pixels[1], pixels[2], pixels[4]
-    for a in range(right.size):
+def _normal_equations(design: Floats, residual: Floats, weight: Floats, normal: Floats, right: Floats) -> None:
+    """Of the unknowns whose changes add the rows of `design` to the pixels."""
+    unknowns, size = design.shape
+    weighed = np.empty(size)
+    for a in range(unknowns):
         row = design[a]
         total = 0.0
         for i in range(size):
@@ -80,48 +49,45 @@ def _normal_equations(design: Floats, pixels: Floats, size: int, normal: Floats,
             other, product = design[b], 0.0
             for i in range(size):
                 product += weighed[i] * other[i]
-            normal[a, b] = product
+            normal[a, b], normal[b, a] = product, product
 
 
 @summing_kernel
-def _misfit(square: Floats, profile: Floats, size: int) -> float:
+def _misfit(square: Floats, light: Floats) -> float:
     """Mean square residual of the pixels where a trace lies."""
-    total, light = 0.0, 1e-12
-    for i in range(size):
-        total += square[i] * profile[i]
-        light += profile[i]
-    return total / light
+    total, whole = 0.0, 1e-12
+    for i in range(light.size):
+        total += square[i] * light[i]
+        whole += light[i]
+    return total / whole
 
 
 @kernel
 def _fit_group(
-    darkness: Floats32, first: int, members: Integers, lens: Lens, lamp: Floats, prior: Floats, settled: float,
-    work: Work,
+    darkness: Floats32, first: int, members: Integers, nodes: Floats, counts: Integers, lens: Lens, lamp: Floats,
+    prior: Floats, settled: float, fit: Floats,
 ) -> None:  # fmt: skip
     """Fit the traces of one group to the pixels from column `first` on (see `read_row`)."""
-    spot, table, fit, profiles, design = lens.spot, lens.table, work.fit, work.profiles, work.design
+    spot, table = lens.spot, lens.table
     blank, growth = lens.grain[0], lens.grain[1]
     size, g = darkness.size, members.size
-    n = 3 * g + 1
-    top = table.shape[1] - 2
-    normal, copy, rows = work.matrices[0, :n, :n], work.matrices[1], work.matrices[2]
-    value, right, other, start, limit = rows[0], rows[1], rows[2], rows[3], rows[4]
-    exposure, residual, weight, square = work.pixels[0], work.pixels[1], work.pixels[2], work.pixels[3]
-    value[:n] = 0.0
+    n, top = 3 * g + 1, table.shape[1] - 2
+    profiles, design = np.empty((g, 3, size)), np.empty((n, size))
+    pixels, normal, vectors = np.empty((4, size)), np.empty((n, n)), np.zeros((4, n))
+    exposure, residual, weight, square = pixels[0], pixels[1], pixels[2], pixels[3]
+    right, value, start, limit = vectors[0], vectors[1], vectors[2], vectors[3]
     for a in range(g):
         value[3 * a + 1] = lamp[members[a]]
     offset_variance = 0.25 * blank
     for _ in range(ROUNDS):
-        exposure[:size] = 0.0
+        start[:], exposure[:] = value, 0.0
         for a in range(g):
-            k, lit = members[a], value[3 * a + 1]
-            profile(work.nodes[k], work.counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[k], size)
-            peak = 0.02
+            k, lit, peak = members[a], value[3 * a + 1], 0.02
+            profile(nodes[k], counts[k], value[3 * a], value[3 * a + 2], spot, first, profiles[a])
             for i in range(size):
-                exposure[i] += lit * profiles[k, 0, i]
-                peak = max(peak, profiles[k, 0, i])
+                exposure[i] += lit * profiles[a, 0, i]
+                peak = max(peak, profiles[a, 0, i])
             limit[a] = 1.5 * spot / peak
-        start[:n] = value[:n]
         rates = design[n - 1]
         for i in range(size):
             place = exposure[i] * (1.0 / STEP)
@@ -135,139 +101,115 @@ def _fit_group(
             if square[i] > OUTLIER * OUTLIER:
                 weight[i] *= OUTLIER / math.sqrt(square[i])
         for a in range(g):
-            k, lit = members[a], value[3 * a + 1]
+            lit = value[3 * a + 1]
             for i in range(size):
-                design[3 * a, i] = rates[i] * lit * profiles[k, 1, i]
-                design[3 * a + 1, i] = rates[i] * profiles[k, 0, i]
-                design[3 * a + 2, i] = rates[i] * lit * profiles[k, 2, i]
-        rates[:size] = 1.0
-        _normal_equations(design, work.pixels, size, normal, right[:n])
+                design[3 * a, i] = rates[i] * lit * profiles[a, 1, i]
+                design[3 * a + 1, i] = rates[i] * profiles[a, 0, i]
+                design[3 * a + 2, i] = rates[i] * lit * profiles[a, 2, i]
+        rates[:] = 1.0
+        _normal_equations(design, residual, weight, normal, right)
         for a in range(g):
-            wide = BRIGHTNESS_PRIOR * lamp[members[a]]
+            usual = lamp[members[a]]
+            wide = BRIGHTNESS_PRIOR * usual
             normal[3 * a + 1, 3 * a + 1] += 1.0 / (wide * wide)
-            right[3 * a + 1] += (lamp[members[a]] - value[3 * a + 1]) / (wide * wide)
+            right[3 * a + 1] += (usual - value[3 * a + 1]) / (wide * wide)
             normal[3 * a, 3 * a] += 1e-9
             normal[3 * a + 2, 3 * a + 2] += 1.0 / prior[members[a], 1]
             right[3 * a + 2] -= value[3 * a + 2] / prior[members[a], 1]
         normal[n - 1, n - 1] += 1.0 / offset_variance
         right[n - 1] -= value[n - 1] / offset_variance
-        for a in range(n):
-            for b in range(a):
-                normal[b, a] = normal[a, b]
-        if not _solve_with_priors(normal, right, value, members, prior, -1, copy, other):
+        known, _, step = _solve_with_priors(normal, right, value, members, prior, -1)
+        if not known:
             break
         moved = 0.0
         for a in range(g):
-            step = min(max(other[3 * a], -limit[a]), limit[a])
-            value[3 * a] += step
-            value[3 * a + 2] += other[3 * a + 2]
-            value[3 * a + 1] = max(value[3 * a + 1] + other[3 * a + 1], FAINTEST * lamp[members[a]])
-            moved = max(moved, abs(step) / limit[a], 0.3 * abs(other[3 * a + 1]) / lamp[members[a]])
-        value[n - 1] += other[n - 1]
+            usual, shift = lamp[members[a]], min(max(step[3 * a], -limit[a]), limit[a])
+            value[3 * a] += shift
+            value[3 * a + 2] += step[3 * a + 2]
+            value[3 * a + 1] = max(value[3 * a + 1] + step[3 * a + 1], FAINTEST * usual)
+            moved = max(moved, abs(shift) / limit[a], 0.3 * abs(step[3 * a + 1]) / usual)
+        value[n - 1] += step[n - 1]
         if moved < settled:
             break
     for a in range(g):  # each trace's own reading: the others with what was known of them, itself without
         k = members[a]
-        if _solve_with_priors(normal, right, start, members, prior, a, copy, other):
-            fit[k, 0] = start[3 * a] + min(max(other[3 * a], -limit[a]), limit[a])
-            fit[k, 1] = copy[3 * a, 3 * a]
-        else:
-            fit[k, 0], fit[k, 1] = 0.0, np.inf
-        fit[k, 2] = value[3 * a + 1]
-        fit[k, 3] = copy[3 * a + 1, 3 * a + 1]
-        fit[k, 4] = _misfit(square, profiles[k, 0], size)
-        fit[k, 5] = fit[k, 1]
+        known, inverse, step = _solve_with_priors(normal, right, start, members, prior, a)
+        fit[k, 0], fit[k, 1] = 0.0, np.inf
+        if known:
+            fit[k, 0] = start[3 * a] + min(max(step[3 * a], -limit[a]), limit[a])
+            fit[k, 1] = inverse[3 * a, 3 * a]
+        fit[k, 2], fit[k, 3] = value[3 * a + 1], inverse[3 * a + 1, 3 * a + 1]
+        fit[k, 4], fit[k, 5] = _misfit(square, profiles[a, 0]), fit[k, 1]
         if g > 1:
+            alone = np.empty((4, 4))
             for i in range(4):
                 for j in range(4):
-                    copy[i, j] = normal[n - 1 if i == 3 else 3 * a + i, n - 1 if j == 3 else 3 * a + j]
-            fit[k, 5] = copy[0, 0] if solve(copy, other, 4) else np.inf
+                    alone[i, j] = normal[n - 1 if i == 3 else 3 * a + i, n - 1 if j == 3 else 3 * a + j]
+            fit[k, 5] = alone[0, 0] if solve(alone, step, 4) else np.inf
 
 
 @kernel
 def _solve_with_priors(
-    normal: Floats, right: Floats, value: Floats, members: Integers, prior: Floats, without: int, copy: Floats,
-    other: Floats,
-) -> bool:  # fmt: skip
-    """Inverse and step, into `copy` and `other`, with the priors of all shifts but that of member `without`."""
-    n = normal.shape[0]
-    copy[:n, :n], other[:n] = normal, right[:n]
+    normal: Floats, right: Floats, value: Floats, members: Integers, prior: Floats, without: int
+) -> tuple[bool, Floats, Floats]:
+    """Whether there are inverse and step, and both, with the priors of all shifts but that of member `without`."""
+    inverse, step = normal.copy(), right.copy()
     for a in range(members.size):
         if a != without:
-            copy[3 * a, 3 * a] += 1.0 / prior[members[a], 0]
-            other[3 * a] -= value[3 * a] / prior[members[a], 0]
-    return solve(copy, other, n)
+            inverse[3 * a, 3 * a] += 1.0 / prior[members[a], 0]
+            step[3 * a] -= value[3 * a] / prior[members[a], 0]
+    return solve(inverse, step, step.size), inverse, step
 
 
 @kernel
 def read_row(
     darkness: Floats32, row: float, states: Floats, alive: Integers, lens: Lens, lamp: Floats, prior: Floats,
-    gaps: Floats, gap_of: Integers, settled: float, work: Work,
-) -> None:  # fmt: skip
-    """Shift and brightness of all traces on one row, into `work`.
+    gaps: Floats, gap_of: Integers, settled: float,
+) -> Floats:  # fmt: skip
+    """Fit all traces to the row with centre line `row`, px.
 
-    Parameters
-    ----------
-    darkness : (columns,) array
-        Above blank film; NaN where nothing is to be read: the brightness of a trace that meets it is NaN.
-    row : float
-        Centre line of the row, px.
-    states, alive : (traces, 6), (traces,) arrays
-        Of the motion at this row; `alive` is 0 where a trace is not known.
-    lamp : (traces,) array
-        Brightness to start from.
-    prior : (traces, 2) array
-        Variance of the shift as known before, for the sake of the OTHER traces of the group (inf for none), and of the
-        slope.
-    gaps, gap_of : (n, 2), (traces + 1,) array
-        Gaps of all traces; those of trace k from `gap_of[k]` to before `gap_of[k + 1]`.
-    settled : float
-        Last step, over 1.5 spots of the normal, at which to stop.
+    Returns (traces, 6): shift, its variance, brightness, its variance, mean square residual in units of the noise, and
+    variance of the shift if the trace lay alone; variances are inf where a trace is not known or off the image.
+
+    `darkness` (columns,) is that above blank film, NaN where nothing is to be read: the brightness of a trace that
+    meets it is NaN. `states` (traces, 6) are those at this row, `alive` (traces,) is 0 where a trace is not known,
+    `lamp` (traces,) the brightness to start from. `prior` (traces, 2) are variances of the shift as known before, for
+    the sake of the OTHER traces of the group (inf for none), and of the slope. `gaps` (n, 2) are those of all traces,
+    of trace k from `gap_of[k]` to before `gap_of[k + 1]`. The fit ends with a step of `settled`, over 1.5 spots of the
+    normal.
     """
-    fit, nodes, counts, windows = work.fit, work.nodes, work.counts, work.windows
-    spot = lens.spot
-    traces, columns = states.shape[0], darkness.size
+    spot, traces, columns = lens.spot, states.shape[0], darkness.size
+    fit, nodes, counts = np.zeros((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64)
+    begin, stop, group = np.zeros(traces, np.int64), np.zeros(traces, np.int64), np.full(traces, -1)
     for k in range(traces):
-        fit[k] = 0.0
         fit[k, 1], fit[k, 3], fit[k, 5] = np.inf, np.inf, np.inf
-        windows[k, 2] = -1
         if alive[k] == 0:
             continue
-        near, last = gap_of[k], gap_of[k + 1]
-        while near < last and gaps[near, 1] < row - 8.0 * spot:
-            near += 1
-        counts[k] = nodes_of(states[k], spot, lens.shear, gaps[near:last], row, nodes[k])
+        counts[k] = nodes_of(states[k], spot, lens.shear, gaps[gap_of[k] : gap_of[k + 1]], row, nodes[k])
         low, high = lit_columns(nodes[k], counts[k], 0.01 * nodes[k, 1, 0] * math.exp(0.5 * REACH * REACH))
         if not low <= high:
             continue
-        windows[k, 0] = max(0, math.floor(low - WINDOW * spot))
-        windows[k, 1] = min(columns, math.ceil(high + WINDOW * spot))
+        begin[k], stop[k] = max(0, math.floor(low - WINDOW * spot)), min(columns, math.ceil(high + WINDOW * spot))
         here = states[k, 0] + states[k, 3]
-        if here > 0.0 and here < columns and windows[k, 1] - windows[k, 0] >= 6:
-            windows[k, 2] = k
+        if here > 0.0 and here < columns and stop[k] - begin[k] >= 6:
+            group[k] = k
     for _ in range(traces):  # the smallest number of a group is its name
         for a in range(traces):
             for b in range(traces):
-                together = windows[a, 0] < windows[b, 1] and windows[b, 0] < windows[a, 1]
-                if windows[a, 2] > windows[b, 2] >= 0 and together:
-                    windows[a, 2] = windows[b, 2]
+                if group[a] > group[b] >= 0 and begin[a] < stop[b] and begin[b] < stop[a]:
+                    group[a] = group[b]
     for name in range(traces):
-        count, low_pixel, high_pixel = 0, columns, 0
-        for k in range(traces):
-            if windows[k, 2] == name:
-                windows[count, 3] = k
-                count += 1
-                low_pixel, high_pixel = min(low_pixel, windows[k, 0]), max(high_pixel, windows[k, 1])
-        if count > 0:
-            pixels, members = darkness[low_pixel:high_pixel], windows[:count, 3]
-            total = np.float32(0.0)
-            for value in pixels:
-                total += value
-            if not math.isnan(total):
-                _fit_group(pixels, low_pixel, members, lens, lamp, prior, settled, work)
-                continue
-            for k in members:  # nothing is to be read here
-                fit[k, 2] = math.nan
+        members = np.flatnonzero(group == name)
+        if members.size == 0:
+            continue
+        first = int(begin[members].min())
+        pixels = darkness[first : stop[members].max()]
+        if not math.isnan(pixels.sum()):
+            _fit_group(pixels, first, members, nodes, counts, lens, lamp, prior, settled, fit)
+            continue
+        for each in members:  # nothing is to be read here
+            fit[each, 2] = math.nan
+    return fit
 
 
 @kernel
@@ -287,21 +229,20 @@ def read_piece(
     darkness: Floats32, first: int, states: Floats, known: NDArray[np.uint8], slope_variance: Floats, lamp: Floats,
     gaps: Floats, gap_of: Integers, lens: Lens,
 ) -> Floats:  # fmt: skip
-    """Read all traces row by row from row `first` of the film on: `Work.fit` of each row and slope, (traces, rows, 7).
+    """Read all traces row by row from row `first` of the film on: what `read_row` gives, and slope, (traces, rows, 7).
 
     `states` (rows, traces, 6) and `slope_variance` (traces, rows) are those of the course, `lamp` (traces, rows) the
     brightness in the open; the brightness that is read is that of the light let through.
     """
-    rows, columns = darkness.shape
-    traces = states.shape[1]
-    work, out = work_space(traces, columns), np.empty((traces, rows, 7))
+    rows, traces = states.shape[:2]
+    out = np.empty((traces, rows, 7))
     alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full((traces, 2), math.inf)
     for i in range(rows):
         for k in range(traces):
             alive[k], now[k] = (1 if known[k, i] else 0), lamp[k, i]
             prior[k, 1] = max(slope_variance[k, i], 1e-8)
-        read_row(darkness[i], first + i + 0.5, states[i], alive, lens, now, prior, gaps, gap_of, SETTLED, work)
+        fit = read_row(darkness[i], first + i + 0.5, states[i], alive, lens, now, prior, gaps, gap_of, SETTLED)
         for k in range(traces):
-            out[k, i, :6] = work.fit[k]
+            out[k, i, :6] = fit[k]
             out[k, i, 6] = slope_of(states[i, k], lens.shear)
     return out

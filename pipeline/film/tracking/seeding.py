@@ -1,4 +1,4 @@
-"""Which traces swing on a piece of film: hypotheses sorted, doubles of one trace put together.
+"""Which traces swing on a piece of film: hypotheses from turning points, proven by following them.
 
 Two turning points on one side and one on the other between them fix a harmonic on a slow curve. The hypothesis is
 judged by the share of its way on which the paper is darker than on both sides: nothing but a swinging trace is dark
@@ -8,13 +8,14 @@ along 1.5 periods of such a curve.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
+from pipeline.film.emulsion import Floats32, Optics
 from pipeline.film.tracking.motion import moved, place_and_rate, solve
+from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, Section, Swing, follow_from, run
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
@@ -26,31 +27,99 @@ BEYOND = 0.3  # periods judged before the first and after the last turning point
 CERTAIN = 6  # power of the share against the length of the way: two traces taken for one swing are a long way
 NOISE = 3.5  # sigma of the smoothed paper from which on it counts as darker than its sides
 MOST_KEPT = 24
+LEAST_USED = 0.45  # share of rows read by which a seed proves true
+LEAST_SWINGS, LEAST_AMPLITUDE = 1.6, 3.0  # followed; spots
+PERIOD_SLACK = 0.12
+SURE_SHARE = 0.8
 SAME = 2.5  # spots of distance across the line under which two swings are one
-Floats32 = NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Swing:
-    """A trace as first estimated."""
+def read_section(
+    darkness: Floats32, first: int, optics: Optics, period: float | None, count: int | None,
+    seeds: list[Swing] | None = None, least: float = LEAST_USED,
+) -> Section | None:  # fmt: skip
+    """Find the traces of a section and follow them, None if there are none that are read on a `least` share of rows."""
+    if seeds is None:
+        seeds = find_swings(darkness, first, optics.spot, float(np.sqrt(optics.grain[0])), period)
+    proven: list[Piece] = []
+    swing_rows: float | None = None
+    # a trace that others cross all the time may only be followed once they are known: those that failed try again
+    for seed in [*seeds, *[seed for seed in seeds if seed.share > SURE_SHARE]]:
+        if count is not None and len(proven) == count:
+            break
+        if swing_rows is not None and abs(seed.period / swing_rows - 1.0) > PERIOD_SLACK:
+            continue
+        if any(_on(seed, piece, first, optics.spot) for piece in proven):
+            continue
+        proof = _prove(seed, proven, darkness, first, optics)
+        if proof is not None and not any(_coincide(proof[1], piece, optics.spot) for piece in proven):
+            swing_rows = swing_rows or proof[0]
+            proven.append(proof[1])
+    return _follow_together(darkness, first, proven, optics, least)
 
-    row: float  # where the state holds, px from the edge of the film
-    state: Floats  # (6,), see `motion`
-    share: float = 1.0  # part of the way that lies on dark paper
 
-    @property
-    def amplitude(self) -> float:
-        """Half the width of the swing, px."""
-        return float(np.hypot(self.state[3], self.state[4]))
+def _follow_together(
+    darkness: Floats32, first: int, pieces: list[Piece], optics: Optics, least: float
+) -> Section | None:
+    """Follow traces jointly that were each proven; the worst is left out until all are read for most of their way."""
+    while pieces:
+        together = np.all([piece.followed[0] > 0 for piece in pieces], axis=0)
+        if not together.any():
+            pieces = pieces[:-1]
+            continue
+        begin = int(np.flatnonzero(together)[np.count_nonzero(together) // 2])
+        pieces = sorted(pieces, key=lambda piece: float(piece.states[begin, 0, 0]))
+        swings = [Swing(first + begin + 0.5, piece.states[begin, 0].copy()) for piece in pieces]
+        section = follow_from(swings, darkness, first, optics, 0.5 * together.sum())
+        if section.share.min() >= least:
+            return section
+        del pieces[int(np.argmin(section.share))]
+    return None
 
-    @property
-    def period(self) -> float:
-        """Rows in a full swing."""
-        return float(2.0 * np.pi / self.state[5])
 
-    def at(self, row: float | Floats) -> Floats:
-        """State at another row, or at several, (..., 6)."""
-        return moved(self.state, row - self.row)
+def _prove(
+    seed: Swing, others: list[Piece], darkness: Floats32, first: int, optics: Optics
+) -> tuple[float, Piece] | None:
+    """Follow a seed beside the known traces: rows in a swing, and a piece with it first; None if it is none."""
+    begin = int(np.clip(round(seed.row - 0.5) - first, 0, darkness.shape[0] - 1))
+    beside = [Swing(first + begin + 0.5, piece.states[begin, 0]) for piece in others if piece.followed[0, begin]]
+    begun = Filter.of([seed, *beside], first + begin - 0.5)
+    run(begun, darkness[begin:], first + begin, 1, optics.lens, NO_LINES)
+    if begun.alive[0]:
+        begun.turned()
+    else:  # lost on the way, or the trace ends: back from where the seed was, to a row
+        begun = Filter.of([seed, *beside], first + begin - 0.5)
+        begun.alive[:], begun.begins[:] = 0, begin
+    piece = run(begun, darkness, first, -1, optics.lens, NO_LINES)
+    followed = piece.followed[0] > 0
+    used = np.isfinite(piece.variance[0]) & followed
+    if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
+        return None
+    at = int(np.flatnonzero(followed)[followed.sum() // 2])
+    swing = Swing(first + at + 0.5, piece.states[at, 0])
+    if swing.amplitude < LEAST_AMPLITUDE * optics.spot or abs(swing.period / seed.period - 1.0) > 2.0 * PERIOD_SLACK:
+        return None
+    return swing.period, piece
+
+
+def _apart(piece: Piece, rows: NDArray[np.int64], column: Floats) -> float:
+    """How far columns lie from the course of a piece on some rows, across the line, px."""
+    course, slope = place_and_rate(piece.states[rows, 0])
+    return float(np.median(np.abs(course - column) / np.sqrt(1.0 + slope**2)))
+
+
+def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:
+    """Whether a seed lies on a trace that was followed."""
+    middle, half = round(seed.row - first - 0.5), int(0.5 * seed.period)
+    rows = np.flatnonzero(piece.followed[0])
+    rows = rows[np.abs(rows - middle) <= half]
+    return rows.size >= 0.5 * half and _apart(piece, rows, place_and_rate(seed.at(first + rows + 0.5))[0]) < SAME * spot
+
+
+def _coincide(one: Piece, other: Piece, spot: float) -> bool:
+    """Whether two pieces follow one trace for a good part of their way."""
+    rows = np.flatnonzero((one.followed[0] > 0) & (other.followed[0] > 0))
+    return rows.size > 0 and _apart(one, rows, place_and_rate(other.states[rows, 0])[0]) < spot
 
 
 def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, period: float | None = None) -> list[Swing]:
@@ -131,12 +200,11 @@ def _vertex(before: Floats, peak: Floats, after: Floats) -> Floats:
 
 
 @kernel
-def swing_through(points: Floats, a: int, b: int, c: int, out: Floats, matrix: Floats, right: Floats) -> bool:
-    """Harmonic on a parabola that turns at three points, at the row of the middle one: m, m1, m2, p, q, w."""
+def swing_through(points: Floats, a: int, b: int, c: int) -> Floats:
+    """Harmonic on a parabola that turns at three points, at the row of the middle one: m, m1, m2, p, q, w; or NaN."""
     frequency = 2.0 * math.pi / (points[c, 0] - points[a, 0])
     swing = 0.5 * abs(points[b, 1] - 0.5 * (points[a, 1] + points[c, 1]))
-    matrix[:], right[:5] = 0.0, 0.0
-    row = right[5:10]
+    matrix, right, row, out = np.zeros((5, 5)), np.zeros(5), np.empty(5), np.full(6, math.nan)
     slack = 0.05 * swing * frequency  # of the slope at a turning point: its row is known to a good part of a row
     for slope in (False, True):
         for at in (a, b, c):
@@ -154,10 +222,9 @@ def swing_through(points: Floats, a: int, b: int, c: int, out: Floats, matrix: F
                     matrix[i, j] += row[i] * row[j]
     stiff = 1.0 / (0.05 * swing * frequency * frequency)
     matrix[2, 2] += stiff * stiff
-    if not solve(matrix, right, 5):
-        return False
-    out[:5], out[5] = right[:5], frequency
-    return True
+    if solve(matrix, right, 5):
+        out[:5], out[5] = right, frequency
+    return out
 
 
 @kernel
@@ -177,7 +244,7 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
         slope = state[1] + along * state[2] - state[5] * (state[3] * si + state[4] * co)
         size = math.sqrt(1.0 + slope * slope)
         row = middle + along
-        if row < 0.0 or row >= rows or column < 0.0 or column >= columns:
+        if not (0.0 <= row < rows and 0.0 <= column < columns):
             continue
         inside += 1
         sides, lowest = 0.0, 0
@@ -201,7 +268,6 @@ def propose(
 ) -> int:
     """Swings through all triples of turning points that are good enough: (n, 8) of row, state, share; their number."""
     n, count = points.shape[0], 0
-    state, matrix, right = np.empty(6), np.empty((5, 5)), np.empty(10)
     for a in range(n):
         for b in range(a + 1, n):
             first = points[b, 0] - points[a, 0]
@@ -218,8 +284,7 @@ def propose(
                     continue
                 if abs(points[c, 1] - points[a, 1]) > 1.2 * width:
                     continue
-                if not swing_through(points, a, b, c, state, matrix, right):
-                    continue
+                state = swing_through(points, a, b, c)
                 share = share_on_line(smooth, points[b, 0], state, spot, least)
                 if share >= LEAST_SHARE and count < out.shape[0]:
                     out[count, 0], out[count, 1:7], out[count, 7] = points[b, 0], state, share

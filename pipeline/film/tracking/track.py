@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from functools import cached_property
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -21,24 +22,22 @@ from pipeline.film.emulsion import FilmEmulsion, Optics, shown_darkness
 from pipeline.film.marks.search import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
-from pipeline.film.tracking.outcome import MARGIN_SPOTS, flag_lost, read_both
-from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, replay, run
-from pipeline.film.tracking.probing import ROUGH, SURE, probe
-from pipeline.film.tracking.section import Last, Section, follow_from, match, read_section
+from pipeline.film.tracking.outcome import MARGIN_SPOTS, NOTHING, checked, flag_lost, read_both
+from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, Section, follow_from, replay, run
+from pipeline.film.tracking.probing import SURE, probe
+from pipeline.film.tracking.seeding import read_section
 
-NOTHING = (
-    "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
-    " running along time; check the orientation and polarity of the scan, or give period and traces"
-)
 NEAR_PIECES, FAR_PIECES = 3, 8  # searched from the film's start, and from there to the section that was probed
 LEAD_SWINGS = 8.0  # before the first section, on which traces that were not found there may be followed
-LEAST_READ = 0.15  # of the rows, and of the share of the best trace
-STRANGE = 4.0  # mean square residual, in units of the grain's, of more than a line
 PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read in half a swing, from which a trace is there
 NEAR_SWING = 1.5  # of a first guess of the rows in a swing
 LEAST_LINE = 0.5  # of a swing, from which a line drawn by hand starts a trace
 LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
+AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
+WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
+MOST_TRACES = 6
+Last = list[tuple[float, Floats]]  # Row and state at which each trace was read last
 
 
 @dataclass
@@ -54,7 +53,7 @@ class Film:
     jobs: int = 1  # threads that may work
     progress: Callable[[int, int], None] = lambda done, total: None  # rows done, and rows to do
 
-    @property
+    @cached_property
     def pieces(self) -> list[tuple[int, int]]:
         """First rows of the pieces that are followed one by one, and those behind the last."""
         height = int(np.clip(round(PIECE_SWINGS * self.period), 48, 2048))
@@ -65,9 +64,9 @@ class Film:
         darkness = shown_darkness(self.emulsion, self.scan, first, stop)
         return darkness if self.edits is None else self.edits.hide(darkness, first)
 
-    def pixels(self, pieces: list[tuple[int, int]]) -> Iterator[NDArray[np.float32]]:
+    def pixels(self, pieces: range) -> Iterator[NDArray[np.float32]]:
         """The darkness of some pieces, in their order."""
-        return in_order(lambda piece: self.darkness(*piece), pieces, self.jobs)
+        return in_order(lambda number: self.darkness(*self.pieces[number]), pieces, self.jobs)
 
     def section(self, first: int, stop: int, traces: int) -> Section | None:
         """The traces found anew on the section that begins at a row and reaches to `stop` at least."""
@@ -110,9 +109,8 @@ class Following:
         """The same with the stretches that a person edited followed once more."""
         traces, rows = self.followed.shape
         lines = edits.courses(traces, rows)
-        film = replace(
-            self.film, edits=edits, lines=NO_LINES if lines is None else lines, jobs=jobs, progress=lambda *_: None
-        )
+        lines = NO_LINES if lines is None else lines
+        film = replace(self.film, edits=edits, lines=lines, jobs=jobs, progress=lambda *_: None)
         out = deepcopy(self, {id(self.film): film, id(self.section): self.section})
         firsts = [first for first, _ in film.pieces]
         for first_row, last_row in edits.stretches(rows, film.period):
@@ -131,15 +129,15 @@ class Following:
     def _forward(self, pieces: range, begun: Filter, last: Last) -> None:
         """Follow all traces along some pieces; those that were lost are searched for at the start of each."""
         film = self.film
-        spans = film.pieces[pieces.start : pieces.stop]
-        for number, (first, stop), darkness in zip(pieces, spans, film.pixels(spans), strict=True):
-            begins, part = np.full(len(last), -1), slice(first, stop)
+        for number, darkness in zip(pieces, film.pixels(pieces), strict=True):
+            first, stop = film.pieces[number]
+            part, begun.begins[:] = slice(first, stop), -1
             lines = np.ascontiguousarray(film.lines[:, part])
             if first >= self.section.first - (stop - first) and not begun.alive.all():
-                self._look_again(begun, begins, first, stop, last)
-            _start_on_lines(begun, begins, lines, film.period)
+                self._look_again(begun, first, stop, last)
+            _start_on_lines(begun, lines, film.period)
             self.checkpoints[number] = deepcopy(begun), list(last)
-            piece = run(begun, darkness, first, 1, film.optics, begins, lines)
+            piece = run(begun, darkness, first, 1, film.optics.lens, lines)
             self.place[:, part], self.variance[:, part] = piece.place, piece.variance
             self.followed[:, part] = piece.followed
             usual = np.array([[median_present(each)] for each in piece.brightness])
@@ -167,21 +165,22 @@ class Following:
     def _followed_back(self, pieces: range, begun: Filter) -> Iterator[tuple[Any, ...]]:
         """Follow all traces back: of each piece its first row, and what its rows are read with (see `read_both`)."""
         film = self.film
-        spans, margin = film.pieces[pieces.start : pieces.stop][::-1], 4 * round(MARGIN_SPOTS * film.optics.spot)
-        for number, (first, stop), darkness in zip(pieces[::-1], spans, film.pixels(spans), strict=True):
+        margin = 4 * round(MARGIN_SPOTS * film.optics.spot)
+        for number, darkness in zip(pieces[::-1], film.pixels(pieces[::-1]), strict=True):
+            first, stop = film.pieces[number]
             part = slice(first, stop)
             lines, known = np.ascontiguousarray(film.lines[:, part]), deepcopy(self.checkpoints[number][0])
             kept = self.place[:, part], self.variance[:, part], self.followed[:, part]
-            forth = replay(known, *kept, film.optics, lines)
+            forth = replay(known, *kept, film.optics.lens, lines)
             self.behind[number] = deepcopy(begun)
-            begins = self._turn_back(begun, forth, first, stop)
-            back = run(begun, darkness, first, -1, film.optics, begins, lines)
+            self._turn_back(begun, forth, first, stop)
+            back = run(begun, darkness, first, -1, film.optics.lens, lines)
             alone = (self.followed[:, part] == 0) & (back.followed > 0)
             self.light[:, part][alone] = back.brightness[alone]
             low = max(0, first - margin)
             yield first, darkness, forth, back, first - low, self.light[:, low : stop + margin].copy()
 
-    def _look_again(self, begun: Filter, begins: NDArray[np.int64], first: int, stop: int, last: Last) -> None:
+    def _look_again(self, begun: Filter, first: int, stop: int, last: Last) -> None:
         """Find traces that are not being followed on this piece and what comes next, and say which is which.
 
         Within the first section its own reading says so; beyond it traces are known by where and how they swung last.
@@ -198,12 +197,11 @@ class Following:
             usual = median_present(section.brightness[number])
             begin = _solid_from(section.brightness[number] > LIT * usual, first - section.first, self.film.period)
             if begin is not None and section.first + begin < stop:
-                begun.restart(k, section.states[begin, number], usual, alive=False)
-                begins[k] = section.first + begin - first
+                begun.restart(k, section.states[begin, number], usual, section.first + begin - first)
 
-    def _turn_back(self, begun: Filter, forth: Piece, first: int, stop: int) -> NDArray[np.int64]:
-        """Rows at which the way back takes up traces that it does not follow but the way along did."""
-        begins, half = np.full(begun.alive.size, -1), max(4, round(0.5 * self.film.period))
+    def _turn_back(self, begun: Filter, forth: Piece, first: int, stop: int) -> None:
+        """Take up traces that the way back does not follow but the way along did."""
+        half = max(4, round(0.5 * self.film.period))
         low = max(0, first - half)
         for k in np.flatnonzero((begun.alive == 0) & self.followed.any(axis=1)).tolist():
             light = self.light[k]
@@ -211,10 +209,8 @@ class Following:
             behind = _solid_from(read[::-1], 0, self.film.period)
             if behind is not None and behind < stop - first:
                 row = stop - 1 - behind
-                begins[k] = row - first
                 lamp = median_present(light[max(0, row - half) : row + 1])
-                begun.restart(k, forth.states[begins[k], k], max(lamp, 0.02), alive=False)
-        return begins
+                begun.restart(k, forth.states[row - first, k], max(lamp, 0.02), row - first)
 
 
 def follow_traces(
@@ -225,35 +221,21 @@ def follow_traces(
     jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> Following:
-    """Find the traces of a film, and follow them both ways.
+    """Find the traces of a film, and follow them both ways; `emulsion` is that of `measure_emulsion`.
 
-    Parameters
-    ----------
-    scan, emulsion
-        Of `measure_emulsion`.
-    count : int, optional
-        Number of traces.
-    jobs : int
-        Threads that may work.
-    progress : callable, optional
-        Called with rows done and rows to do.
-
-    Raises
-    ------
-    RefusedError
-        Nothing swings on the film, or fewer traces than were expected.
+    `count` is the number of traces where it is known, `jobs` that of threads that may work; `progress` is called with
+    rows done and rows to do. `RefusedError`: nothing swings on the film, or fewer traces than were expected.
     """
-    probed = probe(scan, emulsion, count)
-    if probed is None:
+    section = probe(scan, emulsion, count)
+    if section is None:
         raise RefusedError(NOTHING)
-    section, optics = probed
     traces = len(section.swings)
     if count is not None and traces < count:
         raise RefusedError(
             f"{traces} of {count} traces stand out on the film: another is too faint, or lies on one of them; scan "
             "with more light, or say with --trace what swings on it"
         )
-    film = Film(scan, emulsion, optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
+    film = Film(scan, emulsion, section.optics, section.period, jobs=jobs, progress=progress or (lambda *_: None))
     return Following.of(film, first_section(film, section))
 
 
@@ -267,44 +249,6 @@ def usual_swing(tracks: Tracks) -> float:
     rows = np.concatenate(apart)
     rows = rows[(rows > tracks.rows_per_swing / NEAR_SWING) & (rows < NEAR_SWING * tracks.rows_per_swing)]
     return float(np.median(rows)) if rows.size else tracks.rows_per_swing
-
-
-def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
-    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
-    variance grows with darkness by `growth`.
-
-    Raises
-    ------
-    RefusedError
-        Something else lies on a trace, one is hardly read, or two are one line.
-    """
-    most = STRANGE * max(1.0, ROUGH / growth)
-    for trace, each in enumerate(misfit):
-        known = each[np.isfinite(each)]
-        if known.size and (usual := float(np.quantile(known, 0.75))) > most:
-            raise RefusedError(
-                f"trace {trace + 1} of the film does not look like one line: on a quarter of its rows the mean"
-                f" square residual is over {usual:.1f} times the grain's, at most {most:.3g} is allowed; another"
-                " trace may lie on it: give count, or cut the film where it can be read"
-            )
-    read = np.isfinite(out.position).mean(axis=1)
-    if read.max() < LEAST_READ:
-        raise RefusedError(NOTHING)
-    worst = int(np.argmin(read))
-    if read[worst] < LEAST_READ * read.max():
-        raise RefusedError(
-            f"trace {worst + 1} of the film was found but read on {100.0 * read[worst]:.0f} % of the rows only, the"
-            f" best on {100.0 * read.max():.0f} %: scan again, cut the film where it can be read, or give count"
-        )
-    for b, a in combinations(range(len(out.course)), 2):
-        away = np.abs(out.course[a] - out.course[b]) / np.sqrt(1.0 + out.slope[a] ** 2)
-        away = away[np.isfinite(away)]
-        if away.size and float(np.mean(away < out.spot)) > 0.5:
-            raise RefusedError(
-                f"traces {b + 1} and {a + 1} of the film lie on each other on more than half of the rows: give"
-                " count, or cut the film where they lie apart"
-            )
-    return out
 
 
 def first_section(film: Film, probed: Section) -> Section:
@@ -335,15 +279,47 @@ def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | Non
     return int(solid[0]) if solid.size else None
 
 
-def _start_on_lines(begun: Filter, begins: NDArray[np.int64], lines: Floats, period: float) -> None:
+def _start_on_lines(begun: Filter, lines: Floats, period: float) -> None:
     """Start traces that are not followed where a line of half a swing or more says how they run."""
     for k, line in enumerate(lines):
         rows = np.flatnonzero(np.isfinite(line))[: round(period)]
-        if begun.alive[k] or begins[k] >= 0 or rows.size < LEAST_LINE * period:
+        if begun.alive[k] or begun.begins[k] >= 0 or rows.size < LEAST_LINE * period:
             continue
         turn, away = 2.0 * np.pi / period, rows - rows[0]
         terms = np.stack([np.ones(rows.size), np.cos(turn * away), np.sin(turn * away)], axis=1)
         rest, cosine, sine = np.linalg.lstsq(terms, line[rows], rcond=None)[0].tolist()
-        begins[k] = rows[0]
         # the pair is amplitude times cosine and sine of the phase, which turns with the rows
-        begun.restart(k, np.array([rest, 0.0, 0.0, cosine, -sine, turn]), alive=False)
+        begun.restart(k, np.array([rest, 0.0, 0.0, cosine, -sine, turn]), begin=int(rows[0]))
+
+
+def match(section: Section, last: Last) -> list[int]:
+    """Trace number of each swing of the section, -1 for a swing that is none of them; none if that is not certain."""
+    traces, names = len(section.swings), len(last)
+    if max(traces, names) > MOST_TRACES:
+        return []
+    size = min(traces, names)
+    cost = sorted(
+        (_cost(section, chosen, named, last), chosen, named)
+        for chosen in permutations(range(traces), size)
+        for named in combinations(range(names), size)
+    )
+    if cost[0][0] > WORST * size or (len(cost) > 1 and cost[1][0] - cost[0][0] < AMBIGUOUS):
+        return []
+    names_of = dict(zip(cost[0][1], cost[0][2], strict=True))
+    return [names_of.get(place, -1) for place in range(traces)]
+
+
+def _cost(section: Section, chosen: tuple[int, ...], names: tuple[int, ...], last: Last) -> float:
+    """Chi square of some swings that are taken for some traces."""
+    total, phases = 0.0, []
+    for place, name in zip(chosen, names, strict=True):
+        swing, (row, state) = section.swings[place], last[name]
+        amplitude = float(np.hypot(state[3], state[4]))
+        total += (np.log(swing.amplitude / amplitude) / AMPLITUDE) ** 2
+        total += ((swing.state[0] - state[0]) / (PLACE * amplitude)) ** 2
+        then = np.arctan2(state[4], state[3]) + state[5] * (swing.row - row)
+        phases.append(np.arctan2(swing.state[4], swing.state[3]) - then)
+    turned = np.exp(1j * np.array(phases))
+    common = float(np.angle(turned.mean()))
+    apart = np.angle(turned * np.exp(-1j * common))
+    return float(total + np.sum((apart / PHASE) ** 2) + (common / COMMON) ** 2)

@@ -80,7 +80,7 @@ def reading(
     image = in_memory(np.full((count, 1500), 220, dtype=np.uint8), path)
     scan = OpenScan(image, SCALE, (path,))
     between = normal_points(tracks, axis, 25.0)
-    from pipeline.film.comparing import compare
+    from pipeline.film.normal_points import compare
     from pipeline.film.reading import at_marks
 
     samples = between if kind == "continuous" else at_marks(strobe, axis)

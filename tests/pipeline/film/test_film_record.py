@@ -12,8 +12,8 @@ from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
 import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
-from pipeline.film.comparing import PhaseDifference, clock_uncertainty
 from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
+from pipeline.film.normal_points import PhaseDifference, clock_uncertainty
 from pipeline.film.reading import clear_of_marks, close, film_scale
 from pipeline.film.record import make_record, match, summary
 

@@ -13,7 +13,7 @@ STATE = np.array([100.0, 0.2, 0.0, 30.0, -50.0, 0.11])
 
 def a_piece(seed, followed=1):
     rng = np.random.default_rng(seed)
-    piece = Piece.empty(1, 1)
+    piece = Piece(*np.zeros((3, 1, 1)), np.zeros((1, 1), np.uint8), np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6)))
     root = rng.normal(size=(6, 6)) * np.array([0.1, 0.01, 1e-3, 0.1, 0.1, 1e-4])[:, None]
     piece.covariances[0, 0] = root @ root.T
     piece.states[0, 0] = STATE + root @ rng.normal(size=6)

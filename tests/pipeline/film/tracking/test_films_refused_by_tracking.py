@@ -7,7 +7,7 @@ import pytest
 
 from data_schemas.errors import RefusedError
 from pipeline.film.parts import Tracks
-from pipeline.film.tracking.track import checked
+from pipeline.film.tracking.outcome import checked
 
 ROWS, SPOT = 60, 1.2
 ALONE = np.ones((2, ROWS), np.float32)

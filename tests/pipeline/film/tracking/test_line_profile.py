@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
+from pipeline.film.tracking.motion import MOST_NODES, nodes_of, profile
 
 SPOT = 1.2
 NONE = np.empty((0, 2))
@@ -14,7 +14,7 @@ NONE = np.empty((0, 2))
 def light(state, gaps=NONE, shear=0.0, shift=0.0, tilt=0.0, size=240, row=50.5):
     nodes, out = np.zeros((3, MOST_NODES)), np.zeros((3, size))
     count = nodes_of(np.array(state), SPOT, shear, gaps, row, nodes)
-    profile(nodes, count, shift, tilt, SPOT, 0, out, size)
+    profile(nodes, count, shift, tilt, SPOT, 0, out)
     return out
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.film.emulsion import Optics, ToneCurve
-from pipeline.film.tracking.line_profile import MOST_NODES, nodes_of, profile
-from pipeline.film.tracking.motion import solve
-from pipeline.film.tracking.row_reading import read_row, work_space
+from pipeline.film.tracking.motion import MOST_NODES, nodes_of, profile, solve
+from pipeline.film.tracking.row_reading import read_row
 
 SPOT, COLUMNS = 1.2, 200
 CURVE = ToneCurve(0.63, 0.2, 1.5)
@@ -22,15 +21,14 @@ def row_of(states, shifts, lamps):
     for state, shift, lamp in zip(states, shifts, lamps, strict=True):
         nodes, out = np.zeros((3, MOST_NODES)), np.zeros((3, COLUMNS))
         count = nodes_of(state, SPOT, 0.0, np.empty((0, 2)), 10.5, nodes)
-        profile(nodes, count, shift, 0.0, SPOT, 0, out, COLUMNS)
+        profile(nodes, count, shift, 0.0, SPOT, 0, out)
         exposure += lamp * out[0]
     return CURVE.darkness(exposure)
 
 
 def read(darkness, states, prior=math.inf, slope_variance=1e-10):
     traces = len(states)
-    work = work_space(traces, COLUMNS)
-    read_row(
+    return read_row(
         darkness.astype(np.float32),
         10.5,
         np.array(states),
@@ -41,9 +39,7 @@ def read(darkness, states, prior=math.inf, slope_variance=1e-10):
         np.empty((0, 2)),
         np.zeros(traces + 1, np.int64),
         1e-3,
-        work,
     )
-    return work.fit
 
 
 FLAT = np.array([70.3, 0.1, 0.0, 20.0, 0.5, 0.2])

@@ -12,12 +12,13 @@ from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion import Optics, ToneCurve
+from pipeline.film.emulsion import ToneCurve
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing
 from pipeline.film.tracking.outcome import fitted_gaps
+from pipeline.film.tracking.pieces import Section
 from pipeline.film.tracking.probing import SURE, sections
-from pipeline.film.tracking.section import Section, read_section
+from pipeline.film.tracking.seeding import read_section
 from pipeline.film.tracking.track import Following, first_section, follow_traces
 
 ROWS, BEGIN, BLACK = 110, 15.0, 128.0
@@ -70,7 +71,8 @@ def test_a_first_guess_of_the_optics_is_refined(short: Tiny, section: Section, m
     monkeypatch.setattr(probing, "REFINEMENTS", 1)
     guess = probing.first_optics(section.darkness, float(np.sqrt(short.optics.grain[0])))
     assert guess.spot == pytest.approx(SPOT, rel=0.3)
-    again, told = probing.refine(section, guess, fixed=False)
+    again = probing.refine(replace(section, optics=guess), fixed=False)
+    told = again.optics
     assert abs(told.spot / SPOT - 1.0) < 0.08
     assert abs(told.shear) < 0.005
     assert [swing.amplitude for swing in again.swings] == pytest.approx([t.amplitude for t in short.traces], rel=0.03)
@@ -181,14 +183,14 @@ def test_sections_are_looked_at_until_one_shows_all_traces(
     alone = replace(section, swings=section.swings[:1])
     looked: list[int] = []
 
-    def read(_piece: object, first: int, *_others: object) -> tuple[Section, Optics]:
+    def read(_piece: object, first: int, *_others: object) -> Section:
         looked.append(first)
-        return (section if len(looked) == 9 else alone), short.optics
+        return section if len(looked) == 9 else alone
 
     monkeypatch.setattr(probing, "_read_askew", read)
-    monkeypatch.setattr(probing, "refine", lambda section, optics, fixed: (section, optics))
+    monkeypatch.setattr(probing, "refine", lambda section, fixed: section)
     monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
     monkeypatch.setattr(probing, "shown_darkness", lambda *_: section.darkness)
     found = probing.probe(SimpleNamespace(rows=20_000), short.emulsion, count)
     assert found is not None
-    assert (len(looked), len(found[0].swings)) == (looks, swings)
+    assert (len(looked), len(found.swings)) == (looks, swings)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.film.tracking.section import match
-from pipeline.film.tracking.seeding import Swing
+from pipeline.film.tracking.pieces import Swing
+from pipeline.film.tracking.track import match
 
 
 @dataclass

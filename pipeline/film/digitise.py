@@ -15,7 +15,7 @@ from pipeline.film.following import Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import Reading, read_traces
 from pipeline.film.record import make_record
-from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
+from pipeline.film.scan.opening import OpenScan, open_scan
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,5 +110,5 @@ def open_film(
     if description is None and beside.is_file():
         description = load_description(beside)
     known = Known(description, options)
-    how = ScanOptions(dpi=known.dpi, orientation=known.options.orientation, lines=known.options.lines)
-    return open_scan(paths, how), known
+    orientation, lines = known.options.orientation, known.options.lines
+    return open_scan(paths, dpi=known.dpi, orientation=orientation, lines=lines), known

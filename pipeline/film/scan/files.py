@@ -1,6 +1,7 @@
-"""Image files: TIFF and BigTIFF, decoded a strip or a row of tiles at a time; all others whole, by Pillow.
+"""Image files as rows of grey, and views of them.
 
-tifffile reads where the pixels of a TIFF are kept, which is checked against the file.
+TIFF and BigTIFF are decoded a strip or a row of tiles at a time, all others whole, by Pillow. tifffile reads where the
+pixels of a TIFF are kept, which is checked against the file.
 """
 
 from __future__ import annotations
@@ -11,16 +12,21 @@ import importlib
 import itertools
 import logging
 import os
+import tempfile
 import warnings
+import weakref
 import zlib
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import FileError
-from pipeline.film.scan.image import Image, Pixels
+
+Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
 
 MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
@@ -29,10 +35,83 @@ HORIZONTAL = 2  # differences along the rows
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
 MOST_INFLATION = 1032  # of deflate, by its format
 CACHED = 2**24  # bytes of decoded bands
-CHUNK = 2**22  # bytes read at once of a file without compression
+CHUNK = 2**22  # bytes read at once of a file without compression, or written of a transposed image
 MOST_PAGES, SMALL = 16, 0.3  # of a file; pixels of its largest page, from which another one is no thumbnail
 ORIENTATION = 274  # tag of TIFF and EXIF
 BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
+
+TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")
+"""Rows and columns exchanged (t), then rows (r) and columns (c) reversed: what sets the rows of a file upright, by the
+orientation of TIFF and EXIF from 1 on."""
+CLOCKWISE = {0: "", 90: "tc", 180: "rc", 270: "tr"}  # Turns by degrees
+
+
+@dataclass(frozen=True)
+class Image:
+    """Rows of an image in grey; `full_scale` is the value of the lightest pixel, 255 or 65535."""
+
+    rows: int
+    columns: int
+    full_scale: int
+    read: Callable[[int, int], Pixels]  # rows from a first one to before another
+
+
+def part_of(image: Image, first: int, stop: int) -> Image:
+    """Some rows of an image."""
+    return replace(image, rows=stop - first, read=lambda a, b: image.read(first + a, first + b))
+
+
+def inverted(image: Image) -> Image:
+    """An image whose light lines have become dark."""
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = image.read(first, stop)
+        return np.asarray(pixels.dtype.type(image.full_scale) - pixels)
+
+    return replace(image, read=read)
+
+
+def turned(image: Image, turn: str) -> Image:
+    """An image after one of the `TURNS`."""
+    whole, columns = transposed(image) if "t" in turn else image, slice(None, None, -1 if "c" in turn else 1)
+
+    def read(first: int, stop: int) -> Pixels:
+        if "r" in turn:
+            return np.ascontiguousarray(whole.read(whole.rows - stop, whole.rows - first)[::-1, columns])
+        return np.ascontiguousarray(whole.read(first, stop)[:, columns])
+
+    return replace(whole, read=read) if turn.strip("t") else whole
+
+
+def transposed(image: Image) -> Image:
+    """An image whose columns have become rows, kept in a temporary file that goes with it.
+
+    The file holds chunks of rows one after the other, each transposed: it is written in order.
+    """
+    kind, rows, columns = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16), image.columns, image.rows
+    chunk = max(16, CHUNK // (rows * kind.itemsize))
+    try:
+        file: BinaryIO = tempfile.TemporaryFile(prefix="isochrony-")  # noqa: SIM115
+        for first in range(0, columns, chunk):
+            file.write(image.read(first, min(columns, first + chunk)).T.tobytes())
+        file.flush()
+    except OSError as fault:
+        raise FileError(
+            f"{tempfile.gettempdir()}: too little space to turn the image ({fault.strerror}); set TMPDIR to "
+            "another folder, or turn it beforehand so that the film runs down"
+        ) from fault
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.empty((stop - first, columns), dtype=kind)
+        for left in range(0, columns, chunk):
+            width = min(chunk, columns - left)
+            start = (left * rows + first * width) * kind.itemsize
+            data = os.pread(file.fileno(), (stop - first) * width * kind.itemsize, start)
+            pixels[:, left : left + width] = np.frombuffer(data, kind).reshape(stop - first, width)
+        return pixels
+
+    weakref.finalize(read, file.close)
+    return Image(rows, columns, image.full_scale, read)
 
 
 @dataclass(frozen=True)
@@ -41,17 +120,13 @@ class ImageFile(Image):
 
     path: Path
     resolution: tuple[float, float] | None  # pixels per inch down and across, as the file's tags say
-    upright: int  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
+    upright: Any  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
 
 
 def in_memory(pixels: Pixels, path: Path, resolution: tuple[float, float] | None = None, tag: Any = 1) -> ImageFile:
     """An image file that was decoded whole; `tag` is its orientation."""
     (rows, columns), full_scale = pixels.shape, 255 if pixels.dtype == np.uint8 else 65535
-    return ImageFile(rows, columns, full_scale, lambda a, b: pixels[a:b], path, resolution, _known_orientation(tag))
-
-
-def _known_orientation(tag: Any) -> int:
-    return int(tag) if tag in range(1, 9) else 1
+    return ImageFile(rows, columns, full_scale, lambda a, b: pixels[a:b], path, resolution, tag)
 
 
 def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
@@ -174,7 +249,7 @@ class Tiff:
         self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
         across, down = page.get_resolution("INCH")
         self.resolution = float(down), float(across)
-        self.upright = _known_orientation(page.tags.valueof(ORIENTATION, default=1))
+        self.upright = page.tags.valueof(ORIENTATION, default=1)
 
     def check(self) -> None:
         """Raise `FileError` where the tags contradict each other or the file's length.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import FileError
 from pipeline.film.parts import Floats
-from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.files import Image, Pixels
 from synth.kernels.compiled import kernel
 
 DOWN, ACROSS = 2, 6  # pixels to a bin of the search
@@ -38,7 +38,6 @@ EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
 MARGIN = 3  # rows that cubic convolution reaches beyond
 CHUNK = 1024  # rows resampled at a time
 Grey = NDArray[np.float32]
-Steps = tuple[float, float, float, float]  # Rows a row and a column, columns a row and a column
 
 
 class Placement(NamedTuple):
@@ -96,8 +95,10 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
     def read(first: int, stop: int) -> Pixels:
         pixels = np.empty((stop - first, images[0].columns), dtype=kind)
         for part, end in zip(parts, [*(part.first for part in parts[1:]), rows], strict=True):
-            for a in range(max(first, part.first), min(stop, end), CHUNK):
-                fill(part, a, pixels[a - first : min(a + CHUNK, stop, end) - first])
+            begin, last = max(first, part.first), min(stop, end)
+            if begin < last:
+                turn = cmath.exp(1j * part.turn)
+                sample(part.image, -part.offset * turn, turn, 1j * turn, begin, pixels[begin - first : last - first])
         return pixels
 
     return replace(images[0], rows=rows, read=read)
@@ -115,49 +116,45 @@ def straightened(image: Image, lean: float, shear: float) -> Image:
 
     def read(first: int, stop: int) -> Pixels:
         pixels = np.empty((stop - first, columns), dtype=np.uint8 if image.full_scale == 255 else np.uint16)
-        for a in range(first, stop, CHUNK):
-            sample(image, begin + a * (1.0 + 1j * lean), (1.0, shear, lean, 1.0), pixels[a - first :][:CHUNK])
+        sample(image, begin, 1.0 + 1j * lean, shear + 1j, first, pixels)
         return pixels
 
     return replace(image, rows=rows, columns=columns, read=read)
 
 
-def fill(part: Part, first: int, wanted: Pixels) -> None:
-    """Rows of the film from `first` on, of one strip."""
-    sine, cosine = math.sin(part.turn), math.cos(part.turn)
-    begin = (first - part.offset) * cmath.exp(1j * part.turn)
-    sample(part.image, begin, (cosine, -sine, sine, cosine), wanted)
-
-
-def sample(image: Image, begin: complex, steps: Steps, wanted: Pixels) -> None:
-    """Pixels of an image from the place `begin` (row + i column) on; see `resample`."""
-    ends = [begin.real + steps[0] * i + steps[1] * j for i in (0, wanted.shape[0]) for j in (0, wanted.shape[1])]
-    low = min(max(0, math.floor(min(ends)) - MARGIN), image.rows - 1)
-    high = min(image.rows, math.ceil(max(ends)) + MARGIN)
-    source, top = image.read(low, max(high, low + 1)), float(image.full_scale)
-    resample(source, wanted, begin.real - low, begin.imag, steps, top)
+def sample(image: Image, origin: complex, along: complex, across: complex, first: int, wanted: Pixels) -> None:
+    """Fill `wanted` from `first` on: pixel (i, j) is at `origin + i along + j across` of an image, row + i column."""
+    for a in range(0, wanted.shape[0], CHUNK):
+        some, begin = wanted[a : a + CHUNK], origin + (first + a) * along
+        ends = [begin.real + i * along.real + j * across.real for i in (0, some.shape[0]) for j in (0, some.shape[1])]
+        low = min(max(0, math.floor(min(ends)) - MARGIN), image.rows - 1)
+        high = min(image.rows, math.ceil(max(ends)) + MARGIN)
+        source = image.read(low, max(high, low + 1))
+        resample(source, some, begin - low, along, across, float(image.full_scale))
 
 
 @kernel
-def resample(source: Pixels, wanted: Pixels, row: float, column: float, steps: Steps, top: float) -> None:
-    """Fill `wanted` from `source`: pixel (i, j) is taken from (row + i a + j b, column + i c + j d), steps a to d.
+def resample(
+    source: Pixels, wanted: Pixels, begin: complex, along: complex, across: complex, top: float
+) -> None:  # see `sample`
+    """Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated.
 
-    Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated. Positions count from the first
-    pixel's centre; `top` is the lightest value.
+    Positions count from the first pixel's centre; `top` is the lightest value.
     """
     rows, columns = source.shape
-    down, across = np.empty(4), np.empty(4)
+    of_rows, of_columns = np.empty(4), np.empty(4)
     for i in range(wanted.shape[0]):
         for j in range(wanted.shape[1]):
-            y, x = row + i * steps[0] + j * steps[1], column + i * steps[2] + j * steps[3]
+            y = begin.real + i * along.real + j * across.real
+            x = begin.imag + i * along.imag + j * across.imag
             below, left, value = math.floor(y), math.floor(x), 0.0
-            for u, weight in ((y - below, down), (x - left, across)):
+            for u, weight in ((y - below, of_rows), (x - left, of_columns)):
                 weight[0], weight[1] = u * (-0.5 + u * (1.0 - 0.5 * u)), 1.0 + u * u * (-2.5 + 1.5 * u)
                 weight[2], weight[3] = u * (0.5 + u * (2.0 - 1.5 * u)), u * u * (-0.5 + 0.5 * u)
             for k in range(4):
                 line = source[min(max(int(below) + k - 1, 0), rows - 1)]
                 for m in range(4):
-                    value += down[k] * across[m] * line[min(max(int(left) + m - 1, 0), columns - 1)]
+                    value += of_rows[k] * of_columns[m] * line[min(max(int(left) + m - 1, 0), columns - 1)]
             wanted[i, j] = min(max(math.floor(value + 0.5), 0.0), top)
 
 

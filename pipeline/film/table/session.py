@@ -23,12 +23,11 @@ from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.film_description import FilmDescription
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from data_schemas.scene_fields import one_line
-from pipeline.film.digitise import open_film
+from pipeline.film.digitise import make_record, open_film, summary
 from pipeline.film.edits import check_scan
 from pipeline.film.following import FilmTraces, Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import Reading, read_traces
-from pipeline.film.record import make_record, summary
 from pipeline.film.table.doubtful import doubtful
 from pipeline.film.table.refining import Gravity, Refining, going_on
 from pipeline.ledger.entry import MGAL

@@ -13,9 +13,9 @@ import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
 from pipeline.film.comparing import PhaseDifference, clock_uncertainty
-from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
-from pipeline.film.reading import clear_of_marks, close, film_scale
-from pipeline.film.record import make_record, match, summary
+from pipeline.film.digitise import make_record, summary
+from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known, film_scale, match
+from pipeline.film.reading import clear_of_marks, close
 
 TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
 

@@ -21,7 +21,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
 from data_schemas.variables import rows_of
 from data_schemas.writing import reason, sync_folder
-from pipeline.batch.config import Config, Outcome, Status
+from pipeline.batch.job import Config, Outcome, Status
 
 NAME, LOG = "ledger.jsonl", "batch.log.jsonl"
 _CRC = ', "crc32": "'

@@ -123,27 +123,12 @@ def open_film(
 
 
 def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
-    """Turn a reading into a record.
+    """Turn a reading into a record, called `name` where the description gives no identifier.
 
-    Parameters
-    ----------
-    reading : Reading
-    known : Known
-        Names the traces and states the instrument.
-    name : str
-        Identifier where the description gives none.
+    Elongations, rad, count from each trace's mean place, as the film shows no vertical.
 
-    Returns
-    -------
-    DataTree
-        A record. Elongations count from each trace's mean place, as the film shows no vertical.
-
-    Raises
-    ------
-    RecordError
-        The traces found are not those described.
-    UsageError
-        Several traces, but no periods or no gravity at which they hold.
+    `RecordError`: the traces found are not those described; `UsageError`: several traces, but no periods or no gravity
+    at which they hold.
     """
     import xarray as xr
 

@@ -151,7 +151,13 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
         doubtful[(samples.time >= first) & (samples.time <= last)] = by
     by_rows = reading.kind != "strobe"  # at the marks the times are exact
     described, files = known.description, ", ".join(path.name for path in reading.scan.paths)
-    source = f"{files}; seconds count from a full minute of the chronometer, which one the film does not say"
+    root = root_attributes(
+        "record",
+        identifier((described.record_id if known.states("record_id") else "") or name),
+        title=(described.title if known.states("title") else "") or f"pendulum record read from {files}",
+        history=f"read by isochrony from {files}: {reading.kind} reading",
+        source=f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
+    )
     time_words = {**attributes("time"), "units": f"seconds since {described.start_time}"}
     film = dataset(
         "film",
@@ -163,21 +169,12 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
             "source_file": files,
             "source_sha256": ", ".join(reading.scan.sha256),
         }
-        | ({} if known.description.gap is None else {"gap": known.description.gap}),
+        | ({} if described.gap is None else {"gap": described.gap}),
         {"trace": [trace.name for trace in traces]},
     )
     film.attrs = findings(reading, paper) | {"assumed": "; ".join(known.assumptions(traces))}
     groups = {
-        "/": xr.Dataset(
-            coords={"time": ("time", samples.time, time_words)},
-            attrs=root_attributes(
-                "record",
-                identifier((described.record_id if known.states("record_id") else "") or name),
-                title=(described.title if known.states("title") else "") or f"pendulum record read from {files}",
-                history=f"read by isochrony from {files}: {reading.kind} reading",
-                source=source,
-            ),
-        ),
+        "/": xr.Dataset(coords={"time": ("time", samples.time, time_words)}, attrs=root),
         "/record": dataset(
             "record",
             {

@@ -57,8 +57,8 @@ class Desk:
 
     def routes(self) -> list[Route]:
         """Every address with what answers it."""
-        steps = {name: partial(self._step, getattr(self.session, name)) for name in ("undo", "redo")}
-        posted: dict[str, Callable[..., Any]] = {"edits": self._edits, "who": self._who, "done": self._done, **steps}
+        posted: dict[str, Callable[..., Any]] = {"edits": self._edits, "who": self._who, "done": self._done}
+        posted |= {name: partial(self._step, getattr(self.session, name)) for name in ("undo", "redo")}
         return [
             Route("/state", self._now),
             Route("/overlay", self._overlay),
@@ -220,22 +220,11 @@ def serve(
 ) -> None:
     """Serve a session on 127.0.0.1 until the person is done, or Ctrl-C. The address, with its token, goes to stderr.
 
-    Parameters
-    ----------
-    session : Session
-        `tile` and `overlay` are called while an edit may be under way: they show the last finished reading. Of all
-        else one is called at a time.
-    port : int
-        Port to listen on; 0: any that is free.
-    browser : bool
-        Open the page in a browser, where this machine has a display.
-    ready : function, optional
-        Called with the address as soon as requests are taken.
+    `tile` and `overlay` of the session are called while an edit may be under way: they show the last finished reading.
+    Of all else one is called at a time. `port` 0 is any that is free; `browser`: the page is opened where this machine
+    has a display; `ready` is called with the address as soon as requests are taken.
 
-    Raises
-    ------
-    UsageError
-        The port cannot be had.
+    `UsageError`: the port cannot be had.
     """
     token = secrets.token_urlsafe(32)
     desk = Desk(session)

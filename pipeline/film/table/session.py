@@ -228,12 +228,12 @@ class Session:
             refusal = fault
         self._now, self.reading, self.record, self.refusal = now, reading, record, refusal
         self._revision += 1
-        self._refining.stop()
         if record is None:
+            self._refining.stop()
             self._gravity = Gravity(refused=str(refusal))
-            return
-        self._gravity = going_on(record, self._refining.last)
-        self._refining.begin(record)
+        else:
+            self._gravity = going_on(record, self._refining.last)
+            self._refining.begin(record)
 
     def _clock(self, seconds: float) -> str:
         """A time of the record as the clock showed it; seconds from a full minute where that is not known."""

@@ -208,10 +208,7 @@ def find_time(
 
 
 def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: Progress | None) -> FilmTraces:
-    """Traces of a film followed, as dense bands or row by row, and their gaps found.
-
-    `RefusedError`: there are none.
-    """
+    """Traces of a film followed, as dense bands or row by row, and their gaps found; `RefusedError` without traces."""
     from pipeline.film.tracking.probing import measure_emulsion
     from pipeline.film.tracking.track import follow_traces
 
@@ -249,6 +246,7 @@ def _searched(traces: FilmTraces, known: Known, jobs: int) -> FilmTraces:
     if _kind_of(marking, traces.film) != "gaps":
         return traces
     try:
-        return replace(traces, search=search_gaps(traces.scan, traces.emulsion, traces.tracks, marking, jobs))
+        search: GapSearch | RefusedError = search_gaps(traces.scan, traces.emulsion, traces.tracks, marking, jobs)
     except RefusedError as fault:
-        return replace(traces, search=fault)
+        search = fault
+    return replace(traces, search=search)

@@ -46,10 +46,7 @@ class Reading:
     edits: FilmEdits | None = None  # what a person corrected
 
     def between(self, start: float, stop: float) -> Reading:
-        """The same with the samples of a stretch of time alone, s.
-
-        `UsageError`: there are none.
-        """
+        """The same with the samples of a stretch of time alone, s; `UsageError` where there are none."""
         samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
         if not inside.any():
             shown = " to ".join(f"{each:.1f}" for each in samples.time[[0, -1]])

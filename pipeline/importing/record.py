@@ -54,11 +54,7 @@ class ImportOptions:
     instrument: Mapping[str, Any] = field(default_factory=dict)  # more of /instrument: a number, or one by pendulum
 
     def radians_per_unit(self, header: str = "") -> float:
-        """Factor to radians from the table's unit, which a column's header may say.
-
-        `UsageError`: millimetres without a lever, a lever without millimetres, or a header that says another unit than
-        asked for.
-        """
+        """Factor to radians from the table's unit, which a column's header may say; `UsageError` where they differ."""
         if self.unit and header and self.unit != header:
             raise UsageError(f"--unit {self.unit}: the header says {header}; drop --unit, or correct the header")
         unit = self.unit or header or "rad"
@@ -162,8 +158,6 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     """A table with the angle of a bob of which it holds x and y: about the centre of the circle through all places.
 
     The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
-
-    `UsageError` and `RecordError`: columns that are not there, or places that lie on no circle.
     """
     names = [name.strip() for name in position.split(",")]
     if len(names) != 2:

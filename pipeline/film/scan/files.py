@@ -11,6 +11,7 @@ import functools
 import importlib
 import itertools
 import logging
+import math
 import os
 import tempfile
 import warnings
@@ -30,7 +31,8 @@ Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
 
 MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
-NO_COMPRESSION, DEFLATE, DEFLATE_OLD = 1, 8, 32946
+NO_COMPRESSION = 1
+COMPRESSIONS = NO_COMPRESSION, 8, 32946  # the others are deflate, by its new and old number
 HORIZONTAL = 2  # differences along the rows
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
 MOST_INFLATION = 1032  # of deflate, by its format
@@ -138,15 +140,13 @@ def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
 
 
 def to_grey(pixels: Pixels) -> Pixels:
-    """Grey of (rows, columns) or (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
+    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
 
     >>> to_grey(np.array([[[255, 255, 255], [0, 0, 0]]], dtype=np.uint8)).tolist()
     [[255, 0]]
     """
-    if pixels.ndim == 2:
-        return pixels
     if pixels.shape[2] < 3:
-        return np.ascontiguousarray(pixels[:, :, 0])
+        return pixels[:, :, 0]
     luma = np.full(pixels.shape[:2], 32768, dtype=np.uint32)  # 65535 * 65536 + 32768 fits
     for channel, weight in enumerate((19595, 38470, 7471)):  # of 65536
         luma += pixels[:, :, channel] * np.uint32(weight)
@@ -218,8 +218,7 @@ def open_tiff(path: Path) -> ImageFile:
     if several:
         raise FileError(f"{path}: holds several images; save each strip of film to a file, and add --strips")
     refuse_absurd_size(path, image.rows, image.columns)
-    is_known = image.compression in (NO_COMPRESSION, DEFLATE, DEFLATE_OLD)
-    if not is_known or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
+    if image.compression not in COMPRESSIONS or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
         return open_whole(path, "TIFF")
     image.check()
     shape = image.rows, image.columns, image.full_scale
@@ -247,8 +246,8 @@ class Tiff:
         self.sizes = [int(value) for value in page.databytecounts]
         self.dtype = np.dtype(f"{byteorder}u{max(1, int(page.bitspersample) // 8)}")
         self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
-        across, down = page.get_resolution("INCH")
-        self.resolution = float(down), float(across)
+        across, down = map(float, page.get_resolution("INCH"))
+        self.resolution = down, across
         self.upright = page.tags.valueof(ORIENTATION, default=1)
 
     def check(self) -> None:
@@ -303,14 +302,13 @@ class Tiff:
                 number = (plane * -(-self.rows // height) + band) * across + tile
                 part = pixels[:, tile * width : (tile + 1) * width, plane * together : (plane + 1) * together]
                 part[:] = self._decode(stream.fileno(), number, rows)[:rows, : part.shape[1]]
-        grey = to_grey(pixels if self.channels > 1 else pixels[:, :, 0])
-        grey = np.ascontiguousarray(grey, dtype=grey.dtype.newbyteorder("="))
+        grey = np.ascontiguousarray(to_grey(pixels), dtype=self.dtype.newbyteorder("="))
         return self.full_scale - grey if self.photometric == WHITE_IS_ZERO else grey
 
     def _decode(self, descriptor: int, number: int, rows: int) -> Pixels:
         """Pixels of one segment of the open file; a last strip may hold fewer `rows` than the others, a tile never."""
         shape = (self.segment[0] if self.is_tiled else rows, *self.segment[1:])
-        needed = int(np.prod(shape)) * self.dtype.itemsize
+        needed = math.prod(shape) * self.dtype.itemsize
         name = f"{self.path}: strip or tile {number}"
         data = os.pread(descriptor, self.sizes[number], self.offsets[number])
         if self.compression != NO_COMPRESSION:

@@ -188,6 +188,12 @@ class Edge(NamedTuple):
     level: float
 
 
+def _spread(last: int, count: int) -> list[int]:
+    """At most so many rows from the first to the last, evenly."""
+    rows: list[int] = np.unique(np.linspace(0, last, count).astype(np.int64)).tolist()
+    return rows
+
+
 def without_border(image: Image) -> Image:
     """An image whose borders show blank film, so that columns keep their numbers; itself where it has none."""
     left, right = border_of(image)
@@ -209,11 +215,10 @@ def border_of(image: Image) -> tuple[Edge | None, Edge | None]:
 
     The border is lighter or darker than blank film, and straight but perhaps oblique.
     """
-    starts = np.unique(np.linspace(0, max(0, image.rows - PROFILE_ROWS), PROFILES).astype(np.int64)).tolist()
-    profiles = np.array(
-        [np.median(image.read(a, min(image.rows, a + PROFILE_ROWS)), axis=0) for a in starts], dtype=np.float64
-    )
-    middle = np.array(starts) + 0.5 * min(PROFILE_ROWS, image.rows)
+    height = min(PROFILE_ROWS, image.rows)
+    starts = _spread(image.rows - height, PROFILES)
+    profiles = np.array([np.median(image.read(a, a + height), axis=0) for a in starts], dtype=np.float64)
+    middle = np.array(starts) + 0.5 * height
     left, right = (_edge(each, middle, LEAST_STEP * image.full_scale) for each in (profiles, profiles[:, ::-1]))
     return left, right and Edge(image.columns - right.start, -right.slope, right.level)
 
@@ -256,7 +261,7 @@ def lines_are_light(image: Image) -> bool | None:
     """
     darker, lighter = 0.0, 0.0
     height = min(SAMPLE_ROWS, image.rows)
-    for first in np.unique(np.linspace(0, image.rows - height, SAMPLES).astype(np.int64)).tolist():
+    for first in _spread(image.rows - height, SAMPLES):
         departure = _departures(image.read(first, first + height))
         darker += float(-departure[departure < 0.0].sum())
         lighter += float(departure[departure > 0.0].sum())
@@ -281,8 +286,7 @@ def cause_in(scan: OpenScan) -> str | None:
     """The likeliest fault of a scan that lies in the scan itself, with its remedy; None where it looks well."""
     if scan.scale is not None and (dpi := MM_PER_INCH / scan.scale) < COARSE:
         return f"the scan has {dpi:.0f} dpi, too few for its lines: scan at 300 dpi"
-    firsts = np.linspace(0, max(0, scan.rows - ROWS), PIECES).astype(int).tolist()
-    pieces = [scan.read(first, first + ROWS) for first in firsts]
+    pieces = [scan.read(first, first + ROWS) for first in _spread(max(0, scan.rows - ROWS), PIECES)]
     levels = np.unique(np.concatenate([np.unique(piece) for piece in pieces])).size
     if levels <= STEPS:
         return f"the scan has {levels} grey levels: scan in grey with 8 bits"

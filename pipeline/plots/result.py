@@ -259,28 +259,25 @@ def period_figure(result: DataTree) -> Figure:
     """Draw a result with the group `period`: period against amplitude above, what the law leaves of it below."""
     table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
+    amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
+    reach = 1.03 * float(np.nanmax(amplitude))
     words = f"at infinitesimal arc {period:.6f} s ± {sigma:.2g} s · {table.sizes['cycle']} cycles"
     figure = sheet("Period of a single pendulum against its arc", f"{canvas.record_of(result)} · {words}", 11.0, 7.2)
     grid = figure.add_gridspec(2, 1, height_ratios=(1.5, 1))
-    _draw_periods(panel(figure, grid[0], "Cycle by cycle", "", "full period, s"), table, period)
-    left = panel(figure, grid[1], "What the law leaves", "amplitude, rad", "period / law − 1, %")
-    _draw_remainder(left, table, period)
-    return figure
-
-
-def _draw_periods(axes: Axes, table: Dataset, period: float) -> None:
-    amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
+    axes = panel(figure, grid[0], "Cycle by cycle", "", "full period, s")
     axes.plot(amplitude, cycles, "o", markersize=2.2, color=canvas.GREY, alpha=0.6, label="one cycle")
     if "cycle_period_smoothed" in table:
         axes.plot(amplitude, table["cycle_period_smoothed"].values, color=canvas.BLUE, label="smoothed")
-    arc = np.linspace(0.0, 1.03 * float(np.nanmax(amplitude)), 300)
+    arc = np.linspace(0.0, reach, 300)
     law = period * arc_factor(arc)
     axes.plot(arc, law, "--", color=canvas.VERMILION, label="finite-arc law (elliptic integral)")
-    axes.set(xlim=(0.0, arc[-1]), ylim=robust_limits(np.concatenate([cycles, law])))
+    axes.set(xlim=(0.0, reach), ylim=robust_limits(np.concatenate([cycles, law])))
     legend(axes, loc="upper left")
+    _draw_remainder(panel(figure, grid[1], "What the law leaves", "", "period / law − 1, %"), table, period, reach)
+    return figure
 
 
-def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
+def _draw_remainder(axes: Axes, table: Dataset, period: float, reach: float) -> None:
     amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
     scales = {"amplitude as recorded": (1.0, canvas.GREY)}
     if "amplitude_scale" in table and "amplitude-scale" in table["flag"].values:
@@ -299,7 +296,7 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float) -> None:
     low, high = min(low, -0.25), max(high, 0.25)
     outside = int(sum(((values < low) | (values > high)).sum() for values in shown))
     words = "amplitude, rad" + (f" ({outside} points lie beyond the frame)" if outside else "")
-    axes.set(xlim=(0.0, 1.03 * float(np.nanmax(amplitude))), ylim=(low, high), xlabel=words)
+    axes.set(xlim=(0.0, reach), ylim=(low, high), xlabel=words)
     legend(axes, loc="lower right", ncols=2)
 
 

@@ -81,10 +81,10 @@ class Session:
         `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
         another scan.
         """
-        path = edits_path(paths[0]) if edits is None else edits
+        path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None
-        options = options or FilmOptions()
-        options = options if made is None else replace(options, orientation=str(made.orientation))
+        if made is not None:
+            options = replace(options, orientation=str(made.orientation))
         scan, known = open_film(paths, description, options)
         if made is not None:
             check_scan(made, scan)

@@ -1,7 +1,8 @@
-"""Text files of anybody's making: ordinary ones of a bounded size alone, for a pipe, a device, /proc may never end."""
+"""Files of anybody's making: ordinary ones of a bounded size alone, for a pipe, a device, /proc may never end."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -39,6 +40,20 @@ def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: t
     if status.st_size > most:
         raise error(f"{name}: has {status.st_size} bytes, more than {most}; {remedy}")
     return status.st_size
+
+
+def file_sha256(path: str | os.PathLike[str]) -> str:
+    """Hexadecimal SHA-256 of an ordinary file.
+
+    `FileError` where there is none, it may not be read, is larger than any that is read, or a folder, a FIFO, a device:
+    nothing that could hang.
+    """
+    ordinary_size(path, MOST_BYTES, "give one")
+    try:
+        with open(path, "rb", buffering=0) as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"{shown(path, 400)}: {error.strerror}; give the path of a file that can be read") from None
 
 
 def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyError] = FileError) -> str:

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from data_schemas.errors import FileError
 from data_schemas.shield import shielded
-from pipeline.batch.config import Config, Outcome, owner_of
+from data_schemas.text_files import file_sha256
+from pipeline.batch.job import Config, Outcome, input_sha256, owner_of
 from pipeline.batch.ledger import NAME, Index, Ledger, Log
-from pipeline.batch.record import file_sha256, input_sha256
 
 
 def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
-from pipeline.batch.config import Config, Outcome, failure
 from pipeline.batch.executors import Isolated
+from pipeline.batch.job import Config, Outcome, failure
 
 if TYPE_CHECKING:
     from distributed import Future

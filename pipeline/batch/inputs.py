@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from data_schemas.errors import UsageError
-from pipeline.batch.config import Kind
+from pipeline.batch.job import Kind
 
 _SEPARATOR = f"/{re.escape(os.sep)}"
 _DEEP = re.compile(rf"(?<![^{_SEPARATOR}])\*\*[{_SEPARATOR}]")  # The ``**/`` of a pattern that means any folders

@@ -21,7 +21,7 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
 from data_schemas.variables import rows_of
 from data_schemas.writing import reason, sync_folder
-from pipeline.batch.config import Config, Outcome, Status
+from pipeline.batch.job import Config, Outcome, Status
 
 NAME, LOG = "ledger.jsonl", "batch.log.jsonl"
 _CRC = ', "crc32": "'
@@ -41,6 +41,11 @@ class Place(NamedTuple):
     output_sha256: str | None
     configuration_sha256: str
     versions: str
+
+    @classmethod
+    def of(cls, offset: int, content: Mapping[str, Any]) -> Place:
+        """That of a line that begins at an offset."""
+        return cls(offset, *(content[name] for name in cls._fields[1:]))
 
     def fits(self, config: Config, versions: str) -> bool:
         """Whether it was made with these settings and versions."""
@@ -89,7 +94,7 @@ class Index:
     def _see(self, line: bytes) -> None:
         content = content_of(line)
         if content is not None and _is_outcome(content):
-            self.places[content["key"]] = place(self._size, content)
+            self.places[content["key"]] = Place.of(self._size, content)
         elif content is not None and "key" not in content:
             self._told.add(str(content.get("versions")))
         if line.endswith(b"\n"):  # the last may be torn
@@ -161,11 +166,6 @@ def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str
     return told | made | {"seconds": one.seconds, "rows": list(one.rows)}
 
 
-def place(offset: int, content: Mapping[str, Any]) -> Place:
-    """What is remembered of a line that begins at an offset."""
-    return Place(offset, *(content[name] for name in Place._fields[1:]))
-
-
 class Ledger(Index):
     """The ledger of one folder, held by this process alone; a context manager.
 
@@ -213,7 +213,7 @@ class Ledger(Index):
         for one in outcomes:
             content = outcome_content(one, configurations[one.key], self.versions)
             lines.append(line_of(content))
-            places[one.key] = place(offset, content)
+            places[one.key] = Place.of(offset, content)
             offset += len(lines[-1])
         try:
             self._write(lines)

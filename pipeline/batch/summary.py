@@ -13,7 +13,7 @@ import numpy as np
 
 from data_schemas.variables import attributes, rows_of
 from data_schemas.writing import write, write_text
-from pipeline.batch.config import Config, owner_of
+from pipeline.batch.job import Config, owner_of
 from pipeline.batch.ledger import Index
 
 if TYPE_CHECKING:

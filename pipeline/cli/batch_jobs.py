@@ -17,8 +17,8 @@ from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
 from pipeline.batch import campaign
 from pipeline.batch.campaign import Job, Tally, holds
-from pipeline.batch.config import Config
 from pipeline.batch.inputs import MOST, Input, Variant, find_inputs, grid, parse_sweep
+from pipeline.batch.job import Config
 from pipeline.batch.ledger import NAME, Index, Ledger, Log
 from pipeline.batch.summary import NAMES, write_summary
 from pipeline.cli.batch import TLS

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import data_schemas
 import synth
-from pipeline.batch.config import Allow, Config, Kind
+from pipeline.batch.job import Allow, Config, Kind
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 from collections.abc import Sequence
 from math import inf
@@ -114,7 +115,7 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     """Read one film, write its record, and say what was read."""
     import time
 
-    from pipeline.film.record import make_record, summary
+    from pipeline.film.digitise import make_record, summary
 
     start = time.perf_counter()
     rows, span = _stretch(options)
@@ -151,6 +152,8 @@ def _stretch(options: argparse.Namespace) -> tuple[tuple[int, int | None] | None
 
 def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> int:
     """Open a film at the table; its record is written when the person is done."""
+    if any(importlib.util.find_spec(name) is None for name in ("starlette", "uvicorn")):
+        raise UsageError("the table needs starlette and uvicorn; pip install 'isochrony[table]'")
     from pipeline.film.table.server import serve
     from pipeline.film.table.session import Session
 

@@ -76,8 +76,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _tree(path: Path, options: argparse.Namespace) -> Figure:
     """Draw a record or a result."""
-    from pipeline.plots.result import record_figure, result_figure
-    from pipeline.plots.synchrony import period_figure, synchrony_figure
+    from pipeline.plots.result import period_figure, record_figure, result_figure, synchrony_figure
 
     if options.start is not None or options.stop is not None:
         raise UsageError("plot: --from and --to go with the image of a film; drop them here")

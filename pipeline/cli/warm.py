@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """What is done, and how it is called."""
-    from pipeline.batch.warming import warm
+    from pipeline.batch.executors import warm
     from pipeline.film.digitise import digitise
 
     def scene(name: str, longest: float) -> Scene:

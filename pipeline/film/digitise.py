@@ -1,4 +1,4 @@
-"""`digitise`: the image of a film becomes a record."""
+"""`digitise`: the image of a film becomes a record: angles, uncertainty, flags, and where they come from."""
 
 from __future__ import annotations
 
@@ -6,20 +6,28 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from data_schemas.contents import identifier
 from data_schemas.errors import RefusedError, UsageError
 from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
 from data_schemas.film_edits import FilmEdits, load_edits
+from data_schemas.layouts import root_attributes
+from data_schemas.variables import attributes, dataset
+from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.following import Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
-from pipeline.film.reading import Reading, read_traces
-from pipeline.film.record import make_record
-from pipeline.film.scan.opening import OpenScan, ScanOptions, open_scan
+from pipeline.film.normal_points import clock_uncertainty
+from pipeline.film.reading import Reading, accepted_fraction, read_traces
+from pipeline.film.scan.opening import OpenScan, open_scan
+from pipeline.film.wander import Paper, paper_motion
 
 if TYPE_CHECKING:
     import xarray as xr
 
+AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
@@ -110,5 +118,147 @@ def open_film(
     if description is None and beside.is_file():
         description = load_description(beside)
     known = Known(description, options)
-    how = ScanOptions(dpi=known.dpi, orientation=known.options.orientation, lines=known.options.lines)
-    return open_scan(paths, how), known
+    orientation, lines = known.options.orientation, known.options.lines
+    return open_scan(paths, dpi=known.dpi, orientation=orientation, lines=lines), known
+
+
+def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
+    """Turn a reading into a record, called `name` where the description gives no identifier.
+
+    Elongations, rad, count from each trace's mean place, as the film shows no vertical.
+
+    `RecordError`: the traces found are not those described; `UsageError`: several traces, but no periods or no gravity
+    at which they hold.
+    """
+    import xarray as xr
+
+    axis, samples = reading.axis, reading.samples
+    traces, order, rest = known.as_described(samples.column, reading.scale)
+    kept = [k for k, found in enumerate(order) if found not in reading.left_out]
+    traces, order = tuple(traces[k] for k in kept), [order[k] for k in kept]
+    lever = np.array([known.lever(trace) for trace in traces])
+    radians = reading.scale / lever[:, None]
+    pendulums = known.pendulums(traces)
+    labels = [str(each.label) for each in pendulums]
+    combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
+    column, period = samples.column[order], reading.tracks.rows_per_swing / axis.rows_per_second
+    row = np.interp(samples.time, axis.index * axis.interval, axis.row)
+    paper = paper_motion(samples.time, row, column, combination.sum(axis=1), period)
+    if paper is not None:
+        column = np.where(paper.creased, np.nan, column - paper.shift)
+    doubtful = np.zeros(samples.time.size)
+    for first, last, by in axis.doubts:
+        doubtful[(samples.time >= first) & (samples.time <= last)] = by
+    by_rows = reading.kind != "strobe"  # at the marks the times are exact
+    described, files = known.description, ", ".join(path.name for path in reading.scan.paths)
+    root = root_attributes(
+        "record",
+        identifier((described.record_id if known.states("record_id") else "") or name),
+        title=(described.title if known.states("title") else "") or f"pendulum record read from {files}",
+        history=f"read by isochrony from {files}: {reading.kind} reading",
+        source=f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
+    )
+    time_words = {**attributes("time"), "units": f"seconds since {described.start_time}"}
+    film = dataset(
+        "film",
+        {
+            "optical_lever": lever,
+            "speed": axis.rows_per_second * reading.scale,
+            "mark_interval": axis.interval,
+            "scale": reading.scale,
+            "source_file": files,
+            "source_sha256": ", ".join(reading.scan.sha256),
+        }
+        | ({} if described.gap is None else {"gap": described.gap}),
+        {"trace": [trace.name for trace in traces]},
+    )
+    film.attrs = findings(reading, paper) | {"assumed": "; ".join(known.assumptions(traces))}
+    groups = {
+        "/": xr.Dataset(coords={"time": ("time", samples.time, time_words)}, attrs=root),
+        "/record": dataset(
+            "record",
+            {
+                "combination": combination,
+                "elongation": (column - rest[order, None]) * radians,
+                "elongation_uncertainty": samples.sigma[order] * radians,
+                "elongation_qc": samples.qc[order]
+                | np.where(doubtful > 0.0, AMBIGUOUS, np.uint16(0))
+                | np.where(paper is not None and paper.creased, LOST, np.uint16(0)),
+                "time_uncertainty": np.hypot(doubtful, axis.time_sigma if by_rows else 0.0),
+            },
+            {"trace": [trace.name for trace in traces], "pendulum": labels},
+        ),
+        "/film": film,
+    }
+    clock = None  # by how much the film's time axis may run wrong, s a day
+    if by_rows:
+        drift = None if reading.difference is None else clock_uncertainty(reading.difference, period)
+        length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
+        line = axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length  # through all marks, its rate
+        clock = 86400.0 * max(line, drift or 0.0)
+    scale = scale_error(reading, known.speed)
+    instrument = known.instrument(pendulums, samples.time, clock, scale, needed=len(traces) > 1)
+    if instrument is not None:
+        groups["/instrument"] = instrument
+    return xr.DataTree.from_dict(groups)
+
+
+def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
+    """What a reader of the record should know of the reading and of the paper's motion, as attributes of /film."""
+    axis = reading.axis
+    found: dict[str, Any] = {
+        "reading": reading.kind,
+        "elongation_zero": "mean place of each trace on the film; its place under the vertical is not known",
+        "accepted_fraction": accepted_fraction(reading.tracks, reading.axis),
+        "marks_found": int(reading.marks.size),
+        "skew": float(np.degrees(np.arctan(axis.shear))),
+        "time_sigma": axis.time_sigma,
+        # at the marks the times are exact
+        "time_noise": 0.0 if reading.kind == "strobe" else axis.mark_sigma * float(np.sqrt(axis.interval)),
+        "time_rate_sigma": 0.0 if reading.kind == "strobe" else axis.rate_sigma,
+        "flags": ", ".join([*reading.flags, *(["paper-wandered"] if paper is not None else [])]),
+        "notes": "; ".join(reading.notes),
+    }
+    if reading.edits is not None:
+        found["edits"] = reading.edits.text()
+    if paper is not None:
+        found["paper_wander"] = float(np.std(paper.shift)) * reading.scale  # mm
+        found["paper_creases"] = paper.creases
+        found |= {"paper_steps": np.array(paper.steps)} if paper.steps else {}
+    return found
+
+
+def scale_error(reading: Reading, nominal: float | None) -> float | None:
+    """By how much, relative, all elongations may be wrong where marks, dpi and nominal speed contradict each other."""
+    if "dpi-disagrees" not in reading.axis.flags or nominal is None:
+        return None
+    return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
+
+
+def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
+    """Numbers of a reading and of its record, plain.
+
+    Keys: record_id, traces, samples, duration_s, reading, accepted_fraction, missing_fraction (of the samples, by
+    trace), marks, speed_mm_s, scale_mm_px, skew_degrees, time_sigma_s, flags, notes, assumed.
+    """
+    traces, film = record["record"].dataset, record["film"].dataset.attrs
+    labels = [str(label) for label in traces["trace"].values]
+    missing = np.isnan(traces["elongation"].values).mean(axis=1)
+    time = record.dataset["time"].values
+    return {
+        "record_id": record.attrs["record_id"],
+        "traces": labels,
+        "samples": int(time.size),
+        "duration_s": float(time[-1] - time[0]),
+        "reading": reading.kind,
+        "accepted_fraction": film["accepted_fraction"],
+        "missing_fraction": {label: float(part) for label, part in zip(labels, missing, strict=True)},
+        "marks": film["marks_found"],
+        "speed_mm_s": reading.axis.rows_per_second * reading.scale,
+        "scale_mm_px": reading.scale,
+        "skew_degrees": film["skew"],
+        "time_sigma_s": film["time_sigma"],
+        "flags": [part for part in str(film["flags"]).split(", ") if part],
+        "notes": list(reading.notes),
+        "assumed": [part for part in str(film["assumed"]).split("; ") if part],
+    }

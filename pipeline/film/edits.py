@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -62,8 +62,10 @@ class Placed:
 
     def hides(self, rows: Floats, columns: Floats) -> NDArray[np.bool_]:
         """Which of some places lie in a mask."""
-        none = np.zeros(np.shape(rows), dtype=bool)
-        return np.asarray(np.any([none, *(contains(corners, rows, columns) for corners in self.masks)], axis=0))
+        found = np.zeros(np.shape(rows), dtype=bool)
+        for corners in self.masks:
+            found |= contains(corners, rows, columns)
+        return found
 
     def courses(self, traces: int, rows: int) -> Floats | None:
         """Columns (traces, rows) of the lines that traces follow, NaN elsewhere; None without lines."""
@@ -102,9 +104,10 @@ class Placed:
 
     def readable(self, strobe: Strobe, axis: TimeAxis) -> Strobe:
         """Places at the marks but for those that are hidden."""
-        rows, column = np.interp(strobe.index, axis.index, axis.row), strobe.position
-        hidden = self.hides(rows + axis.offset[:, None] + axis.shear * np.nan_to_num(column), column)
-        return Strobe(strobe.index, np.where(hidden, np.nan, column), np.where(hidden, np.nan, strobe.sigma), strobe.qc)
+        rows = np.interp(strobe.index, axis.index, axis.row) + axis.offset[:, None]
+        hidden = self.hides(rows + axis.shear * np.nan_to_num(strobe.position), strobe.position)
+        position, sigma = (np.where(hidden, np.nan, values) for values in (strobe.position, strobe.sigma))
+        return replace(strobe, position=position, sigma=sigma)
 
 
 NO_EDITS = Placed()
@@ -131,16 +134,14 @@ def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Place
         points = each.points if isinstance(each, Mask | Follow) else []
         for row, column in [(each.row, 0.0)] if isinstance(each, Mark | NoMark | Break) else points:
             if not (0.0 <= row <= scan.rows and 0.0 <= column <= scan.columns):
-                raise RecordError(
-                    f"edits[{at}]: row {row:g}, column {column:g} lies outside the image of {scan.rows} rows and "
-                    f"{scan.columns} columns"
-                )
+                size = f"{scan.rows} rows and {scan.columns} columns"
+                raise RecordError(f"edits[{at}]: row {row:g}, column {column:g} lies outside the image of {size}")
         number = getattr(each, "trace", 1)
         if number > order.size:
             raise RecordError(f"edits[{at}]: there is no trace {number}; the film shows {order.size}")
         placed.append((int(order[number - 1]), each))
-    masks = [np.array(each.points, dtype=np.float64) for _, each in placed if isinstance(each, Mask)]
-    lines = [(trace, np.array(each.points, dtype=np.float64)) for trace, each in placed if isinstance(each, Follow)]
+    masks = [np.array(each.points, float) for _, each in placed if isinstance(each, Mask)]
+    lines = [(trace, np.array(each.points, float)) for trace, each in placed if isinstance(each, Follow)]
     ignored = [
         (trace, each.first_row or 0.0, scan.rows if each.last_row is None else each.last_row)
         for trace, each in placed

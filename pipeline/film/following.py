@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
-from pipeline.film.knowledge import Known
+from pipeline.film.knowledge import Known, film_scale
 from pipeline.film.marks.alignment import bars, free_columns, light_across, swept
 from pipeline.film.marks.axis import axis_of
 from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
 from pipeline.film.marks.numbering import TimeReversedError, shear_of_marks
 from pipeline.film.marks.search import ROWS, GapSearch, find_gaps, over_pieces, search_gaps
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.reading import SLOW, film_scale
-from pipeline.film.record import as_described
 from pipeline.film.scan.opening import OpenScan, lines_are_light
 from pipeline.film.wander import exchanged
 
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
+SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 SWAYING = 20.0  # rows of a swing in which its sway is sought
 ASKEW = 0.5  # rows by which one end of the slit may lag behind the other
 Progress = Callable[[str, int, int], None]  # Told the stage, how much of it is done, and of how much
@@ -109,7 +108,7 @@ class FilmTraces:
         tracks = self.tracks
         some = slice(None, None, max(1, int(tracks.rows_per_swing / SWAYING)))
         try:
-            traces, order, _ = as_described(tracks.course, film_scale(self.scan.scale, known.speed, axis)[0], known)
+            traces, order, _ = known.as_described(tracks.course, film_scale(self.scan.scale, known.speed, axis)[0])
         except RecordError:  # said when the record is made
             return False
         sums = np.array([sum(each.combination.values()) for each in traces])
@@ -207,10 +206,7 @@ def find_time(
 
 
 def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: Progress | None) -> FilmTraces:
-    """Traces of a film followed, as dense bands or row by row, and their gaps found.
-
-    `RefusedError`: there are none.
-    """
+    """Traces of a film followed, as dense bands or row by row, and their gaps found; `RefusedError` without traces."""
     from pipeline.film.tracking.probing import measure_emulsion
     from pipeline.film.tracking.track import follow_traces
 
@@ -247,6 +243,7 @@ def _searched(traces: FilmTraces, known: Known, jobs: int) -> FilmTraces:
     if _kind_of(marking, traces.film) != "gaps":
         return traces
     try:
-        return replace(traces, search=search_gaps(traces.scan, traces.emulsion, traces.tracks, marking, jobs))
+        search: GapSearch | RefusedError = search_gaps(traces.scan, traces.emulsion, traces.tracks, marking, jobs)
     except RefusedError as fault:
-        return replace(traces, search=fault)
+        search = fault
+    return replace(traces, search=search)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.errors import UsageError
+from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import (
     BASE,
     BASES,
@@ -20,65 +20,38 @@ from data_schemas.film_description import (
     FilmDescription,
 )
 from data_schemas.variables import dataset
-from pipeline.film.parts import Floats, Marking
-from pipeline.importing.record import combine, periods_by_label
+from pipeline.film.parts import Floats, Marking, TimeAxis
+from pipeline.film.scan.opening import MM_PER_INCH
+from pipeline.importing.record import by_number, combine, need_period_and_gravity, periods_by_label
 
 if TYPE_CHECKING:
     import xarray as xr
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
+_FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
 NOTHING = FilmDescription.model_construct(traces=(), pendulums=())
 """The description of a film of which nothing is described."""
-
 
 READINGS = ("auto", "continuous", "strobe")
 
 
 @dataclass(frozen=True)
 class FilmOptions:
-    """What the user says of a film; it stands before the description. None and empty: as described.
+    """What the user says of a film; it stands before the description. None and empty: as described."""
 
-    Attributes
-    ----------
-    lever : float or None
-        Optical lever of all traces, mm rad-1.
-    mark_interval : float or None
-        Time between marks, s.
-    marks : str or None
-        What the shutter does at a full minute: "double", "long", "omitted" or "none".
-    speed : float or None
-        Nominal speed, mm s-1.
-    dpi : float or None
-        Pixels per inch.
-    traces : sequence of str
-        NAME or NAME:COMBINATION, such as "upper:1-2", from the left to the right at rest.
-    combinations : mapping of str to str
-        Pendulums of a trace, where its name does not say them.
-    periods : mapping of str to float
-        Full period of each pendulum, s; the key "" means the only one.
-    gravity : float or None
-        Gravity at which the periods hold, m s-2.
-    orientation, lines : str
-        How the image is to be taken; see `pipeline.film.scan.ScanOptions`.
-    reading : {"auto", "continuous", "strobe"}
-        Between the marks, or at the marks alone; auto takes the first where the film is fast enough.
-    rate : float or None
-        Samples a second between the marks; the highest of 25, 20, 12.5 and 10 that the film's rows support.
-    """
-
-    lever: float | None = None
-    mark_interval: float | None = None
-    marks: str | None = None
-    speed: float | None = None
-    dpi: float | None = None
-    traces: Sequence[str] = ()
-    combinations: Mapping[str, str] = field(default_factory=dict)
-    periods: Mapping[str, float] = field(default_factory=dict)
-    gravity: float | None = None
-    orientation: str = "auto"
+    lever: float | None = None  # optical lever of all traces, mm rad-1
+    mark_interval: float | None = None  # time between marks, s
+    marks: str | None = None  # what the shutter does at a full minute: "double", "long", "omitted" or "none"
+    speed: float | None = None  # nominal, mm s-1
+    dpi: float | None = None  # pixels per inch
+    traces: Sequence[str] = ()  # NAME or NAME:COMBINATION, such as "upper:1-2", from the left to the right at rest
+    combinations: Mapping[str, str] = field(default_factory=dict)  # of traces whose names do not say their pendulums
+    periods: Mapping[str, float] = field(default_factory=dict)  # full, of each pendulum, s; "" means the only one
+    gravity: float | None = None  # at which the periods hold, m s-2
+    orientation: str = "auto"  # how the image is to be taken; see `open_scan`
     lines: str = "auto"
-    reading: str = "auto"
-    rate: float | None = None
+    reading: str = "auto"  # "continuous" between the marks, where the film is fast enough, or "strobe" at them alone
+    rate: float | None = None  # samples a second between the marks; None: 10 to 25, as the film's rows support
 
     def __post_init__(self) -> None:
         if self.reading not in READINGS:
@@ -160,8 +133,7 @@ class Known:
 
         `UsageError`: a period is said of a pendulum that no trace shows.
         """
-        labels = list({label for trace in traces for label in trace.combination})
-        labels.sort(key=lambda label: (not label.isdigit(), int(label) if label.isdigit() else 0, label))
+        labels = sorted({label for trace in traces for label in trace.combination}, key=by_number)
         periods = periods_by_label(self.options.periods, labels)
         described = {each.label: each for each in self.description.pendulums}
         found = [described.get(label, DescribedPendulum(label=label)) for label in labels]
@@ -193,14 +165,10 @@ class Known:
                 values[key] = np.array(stated, dtype=np.float64)
         if self.options.gravity is not None:
             values["reference_gravity"] = self.options.gravity
-        unknown = [each.label for each in pendulums if each.period is None] if needed else []
-        if unknown:
-            raise UsageError(
-                f"pendulum {unknown[0]} has no period, which gravity needs; add --period {unknown[0]}=SECONDS, "
-                "or say with --trace what the traces are"
-            )
-        if needed and "reference_gravity" not in values:
-            raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+        if needed:
+            unknown = [str(each.label) for each in pendulums if each.period is None]
+            remedy = ", or say with --trace what the traces are"
+            need_period_and_gravity(unknown, values.get("reference_gravity"), remedy)
         names = {PENDULUM: labels}
         if known.bases:
             names[BASE] = [base.label for base in known.bases]
@@ -222,7 +190,52 @@ class Known:
             instrument.attrs["restoring"] = known.restoring
         return instrument
 
+    def as_described(self, column: Floats, scale: float) -> tuple[tuple[DescribedTrace, ...], list[int], Floats]:
+        """The described traces, for each the number of the one found, and where those rest, (found,) px; see `match`.
 
-def default_traces(count: int) -> tuple[DescribedTrace, ...]:
-    """Traces of which nothing is known: each a pendulum of its own, numbered from the left."""
-    return tuple(DescribedTrace(name=str(k), combination={str(k): 1.0}) for k in range(1, count + 1))
+        Of `column`, (found, any), px of `scale` mm.
+        """
+        numbers = (str(k + 1) for k in range(len(column)))  # of traces of which nothing is known, from the left
+        traces = self.traces or tuple(DescribedTrace(name=own, combination={own: 1.0}) for own in numbers)
+        filled = np.where(np.isfinite(column).any(axis=1, keepdims=True), column, 0.0)
+        rest, swing = np.nanmean(filled, axis=1), np.sqrt(2.0) * np.nanstd(filled, axis=1)
+        return traces, match(traces, rest * scale, swing * scale), rest
+
+
+def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:
+    """For each described trace, the number of the one found, by where those rest and how far they swing, (found,) mm.
+
+    Without a place for each, traces are described as they lie from the left to the right. The scan need not begin at
+    the paper's edge: a shift common to all places costs every order the same.
+
+    `RecordError`: more or fewer traces were found than are described.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    if rest.size != len(described):
+        names = ", ".join(trace.name for trace in described)
+        shown = {0: "no trace was", 1: "1 trace was"}.get(rest.size, f"{rest.size} traces were")
+        raise RecordError(
+            f"{shown} found on the film, but {len(described)} described ({names}); say which are there with --trace"
+        )
+    if any(trace.position is None for trace in described):
+        return [int(k) for k in np.argsort(rest, kind="stable")]
+    cost = np.square(rest - np.array([[trace.position] for trace in described], dtype=np.float64))
+    for row, trace in zip(cost, described, strict=True):
+        if trace.amplitude is not None:
+            row += np.square(_FACTOR * np.log(np.where(swing > 0.0, swing, trace.amplitude) / trace.amplitude))
+    return [int(k) for k in linear_sum_assignment(cost)[1]]
+
+
+def film_scale(stated: float | None, speed: float | None, axis: TimeAxis) -> tuple[float, str | None]:
+    """Size of a pixel, mm, as stated or by the film's nominal speed, mm s-1; and what had to be believed for it.
+
+    `RecordError`: neither is known: elongations would have no scale.
+    """
+    if stated is not None:
+        return stated, None
+    rate = axis.rows_per_second
+    if speed is None or not np.isfinite(rate):
+        raise RecordError("the image says no resolution, which elongations need; give --dpi, or the film's --speed")
+    dpi = MM_PER_INCH * rate / speed
+    return speed / rate, f"the image says no resolution; the marks at {speed:g} mm/s give {dpi:.4g} dpi"

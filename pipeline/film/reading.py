@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.errors import RecordError, RefusedError, UsageError
-from pipeline.film.knowledge import Known
+from data_schemas.errors import RefusedError, UsageError
+from pipeline.film.following import SLOW, FilmTraces
+from pipeline.film.knowledge import Known, film_scale
 from pipeline.film.normal_points import PhaseDifference, compare, normal_points
 from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
-from pipeline.film.scan.opening import MM_PER_INCH, OpenScan
+from pipeline.film.scan.opening import OpenScan
 
 if TYPE_CHECKING:
     from data_schemas.film_edits import FilmEdits
-    from pipeline.film.following import FilmTraces
 
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
 ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 CLOSE, OFTEN, LEAST_AT_MARKS = 16.5, 1.9, 0.8  # spots between strokes; marks a swing; share of them that is read
 BESIDE = 3.5  # spots from a mark, within which its gap takes light
-SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
 LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
 SPEED_TOLERANCE = 0.03
 MANY_MISSING, LONG_GAP = 0.1, 5.0  # share of the marks; s
@@ -46,10 +45,7 @@ class Reading:
     edits: FilmEdits | None = None  # what a person corrected
 
     def between(self, start: float, stop: float) -> Reading:
-        """The same with the samples of a stretch of time alone, s.
-
-        `UsageError`: there are none.
-        """
+        """The same with the samples of a stretch of time alone, s; `UsageError` where there are none."""
         samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
         if not inside.any():
             shown = " to ".join(f"{each:.1f}" for each in samples.time[[0, -1]])
@@ -159,20 +155,6 @@ def _rate(tracks: Tracks, axis: TimeAxis) -> float:
     enough = (SINGLE if len(tracks.course) == 1 else SAMPLES) * rows / tracks.rows_per_swing
     rates = [rate for rate in RATES if rows >= ROWS_PER_SAMPLE * rate]
     return next((rate for rate in rates if rate >= enough), rates[-1] if rates else RATES[0])
-
-
-def film_scale(stated: float | None, speed: float | None, axis: TimeAxis) -> tuple[float, str | None]:
-    """Size of a pixel, mm, as stated or by the film's nominal speed, mm s-1; and what had to be believed for it.
-
-    `RecordError`: neither is known: elongations would have no scale.
-    """
-    if stated is not None:
-        return stated, None
-    rate = axis.rows_per_second
-    if speed is None or not np.isfinite(rate):
-        raise RecordError("the image says no resolution, which elongations need; give --dpi, or the film's --speed")
-    dpi = MM_PER_INCH * rate / speed
-    return speed / rate, f"the image says no resolution; the marks at {speed:g} mm/s give {dpi:.4g} dpi"
 
 
 def share_read(kind: str, accepted: float, missing: float) -> str:

@@ -54,11 +54,7 @@ class ImportOptions:
     instrument: Mapping[str, Any] = field(default_factory=dict)  # more of /instrument: a number, or one by pendulum
 
     def radians_per_unit(self, header: str = "") -> float:
-        """Factor to radians from the table's unit, which a column's header may say.
-
-        `UsageError`: millimetres without a lever, a lever without millimetres, or a header that says another unit than
-        asked for.
-        """
+        """Factor to radians from the table's unit, which a column's header may say; `UsageError` where they differ."""
         if self.unit and header and self.unit != header:
             raise UsageError(f"--unit {self.unit}: the header says {header}; drop --unit, or correct the header")
         unit = self.unit or header or "rad"
@@ -162,8 +158,6 @@ def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
     """A table with the angle of a bob of which it holds x and y: about the centre of the circle through all places.
 
     The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
-
-    `UsageError` and `RecordError`: columns that are not there, or places that lie on no circle.
     """
     names = [name.strip() for name in position.split(",")]
     if len(names) != 2:
@@ -205,7 +199,7 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
                 f"trace '{trace}': '{given.get(trace, trace)}' is no combination of different pendulums; "
                 f"write --combination {trace}=1 or {trace}=1-2"
             )
-    pendulums = sorted({label for labels in parts.values() for label in labels}, key=_natural)
+    pendulums = sorted({label for labels in parts.values() for label in labels}, key=by_number)
     matrix = np.zeros((len(traces), len(pendulums)))
     for row, labels in enumerate(parts.values()):
         for order, label in enumerate(labels):
@@ -218,7 +212,7 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
     return pendulums, matrix
 
 
-def _natural(label: str) -> tuple[bool, int, str]:
+def by_number(label: str) -> tuple[bool, int, str]:
     """Order labels as numbers where they are numbers: 2 before 10."""
     is_number = label.isascii() and label.isdigit()
     return not is_number, int(label) if is_number else 0, label
@@ -237,16 +231,22 @@ def periods_by_label(given: Mapping[str, float], pendulums: Sequence[str]) -> di
     return periods
 
 
+def need_period_and_gravity(unknown: Sequence[str], gravity: float | None, remedy: str = "") -> None:
+    """`UsageError` where pendulums are without a period, or the gravity at which the periods hold is not known."""
+    if unknown:
+        named = f"pendulum {unknown[0]} has no period, which gravity needs; add --period {unknown[0]}=SECONDS"
+        raise UsageError(named + remedy)
+    if gravity is None:
+        raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+
+
 def _periods(pendulums: Sequence[str], options: ImportOptions, *, needed: bool) -> NDArray[np.float64] | None:
     """Period of each pendulum in s; None if none was given nor is needed (a single trace does without)."""
     given = periods_by_label({label: _constant("period", value) for label, value in options.periods.items()}, pendulums)
     if not given and not needed:
         return None
-    for label in pendulums:
-        if label not in given:
-            raise UsageError(f"pendulum {label} has no period, which gravity needs; add --period {label}=SECONDS")
-    if needed and options.gravity is None:
-        raise UsageError("the gravity at which the periods hold is missing; add --gravity, in m/s2")
+    unknown = [label for label in pendulums if label not in given]
+    need_period_and_gravity(unknown, options.gravity if needed else 0.0)
     return np.array([given[label] for label in pendulums])
 
 

@@ -54,12 +54,12 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
 
     `UsageError` where the film shows nothing of that time.
     """
-    first, last = _rows(reading, start, stop)
+    rows = _rows(reading, start, stop)
     seconds = reading.axis.seconds
     known = np.flatnonzero(np.isfinite(seconds))
-    per_row = np.ptp(seconds[known[[0, -1]]]) / np.ptp(known) if known.size > 1 else 0.0
-    words, where = _subtitle(reading), ((first, last), _reach(reading, first, last), float(per_row))
-    figure, strips = _sheet(reading.scan, "Film, and what was read of it", words, *where)
+    per_row = float(np.ptp(seconds[known[[0, -1]]]) / np.ptp(known)) if known.size > 1 else 0.0
+    heading = "Film, and what was read of it", _subtitle(reading)
+    figure, strips = _sheet(reading.scan, *heading, rows, _reach(reading, *rows), per_row)
     for axes, strip in strips:
         _draw_traces(axes, reading, strip)
         if known.size > 1 and (reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS):

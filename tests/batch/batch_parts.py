@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 import data_schemas
-from pipeline.batch.config import Config, Kind
-from pipeline.batch.warming import small_record
+from pipeline.batch.executors import small_record
+from pipeline.batch.job import Config, Kind
 from pipeline.cli.batch_kinds import read_record
 
 METHODS = ("projection",)

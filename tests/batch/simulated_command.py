@@ -41,8 +41,8 @@ import pipeline.processing
 import pipeline.summary
 from data_schemas import writing
 from data_schemas.errors import FileError, IsochronyError
-from pipeline.batch import executors, ledger, record, summary
-from pipeline.batch.config import Kind
+from pipeline.batch import executors, job, ledger, summary
+from pipeline.batch.job import Kind
 from pipeline.batch.ledger import NAME, Ledger
 from pipeline.cli import batch, batch_jobs
 from pipeline.cli.parser import Parser
@@ -151,7 +151,7 @@ class Command:
         places = [
             (executors, "ProcessPool", crew.pool), (executors, "wait", crew.wait), (executors, "time", clock),
             (executors, "gc", SimpleNamespace(collect=lambda: 0)),
-            (record, "time", clock), (ledger, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
+            (job, "time", clock), (ledger, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
             (writing, "secrets", names), (writing, "from_tree", contents_of), (writing, "encoded", encoded),
             (summary.Columns, "tree", table), (batch_jobs, "KINDS", kinds),
             (pipeline.processing, "process", process), (pipeline.summary, "summaries", summaries),

@@ -14,7 +14,7 @@ from simulated_system import System
 from data_schemas.contents import Contents, Group, from_tree
 from data_schemas.errors import FileError, RecordError, RefusedError
 from pipeline.batch import summary
-from pipeline.batch.config import owner_of
+from pipeline.batch.job import owner_of
 from pipeline.batch.ledger import NAME
 
 INPUTS = f"{ROOT}/in"

@@ -13,7 +13,7 @@ import pytest
 from batch_parts import METHODS, config_of
 
 from data_schemas.errors import FileError
-from pipeline.batch import campaign, warming
+from pipeline.batch import campaign, executors
 from pipeline.batch.campaign import Tally
 from pipeline.batch.executors import serial
 from pipeline.batch.ledger import LOG as NAME
@@ -55,7 +55,7 @@ def test_a_log_that_cannot_be_written_is_told(out, tmp_path):
 
 def test_a_process_is_readied_once_and_what_it_holds_is_passed_over():
     try:
-        warming.warm((*METHODS, "panteleev"))
+        executors.warm((*METHODS, "panteleev"))
         assert gc.get_freeze_count() > 1000
     finally:
         gc.unfreeze()
@@ -69,11 +69,11 @@ def test_a_process_without_its_parent_ends(parent, status):
         here = os.getpid()
         child = os.fork()
     if child == 0:
-        warming._die_with(here if parent == "its own" else 1 << 22)
+        executors._die_with(here if parent == "its own" else 1 << 22)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == status
 
 
 def test_elsewhere_nothing_is_asked_of_the_system(monkeypatch):
     monkeypatch.setattr(sys, "platform", "darwin")
-    warming._die_with(-1)
+    executors._die_with(-1)

@@ -11,7 +11,7 @@ from batch_parts import config_of
 
 from data_schemas.errors import FileError, UsageError
 from pipeline.batch import ledger as module
-from pipeline.batch.config import Outcome, failure
+from pipeline.batch.job import Outcome, failure
 from pipeline.batch.ledger import NAME, Index, Ledger, Log, line_of, outcome_content
 
 ONE = Outcome("a.result.nc", "ok", None, None, "11", "22", ({"method": "projection", "gravity_m_s2": 0.1 + 0.2},), 1.5)

@@ -13,8 +13,8 @@ from batch_parts import METHODS, config_of
 
 from pipeline.batch import campaign
 from pipeline.batch.campaign import Tally
-from pipeline.batch.config import Kind, Outcome
 from pipeline.batch.executors import Isolated
+from pipeline.batch.job import Kind, Outcome
 from pipeline.batch.ledger import Ledger, Log
 from pipeline.cli.batch_kinds import read_record
 
@@ -84,7 +84,7 @@ def test_a_worker_that_does_the_least_stays_within_its_bound(out, small, method)
 FAULTS = """
 import resource
 import numpy as np
-from pipeline.batch import warming
+from pipeline.batch import executors
 {keep}
 for _ in range(3): np.ones(1 << 18)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -94,7 +94,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of the GNU C library")
-@pytest.mark.parametrize(("keep", "least", "most"), [("", 25_600, 10**9), ("warming._keep_memory()", 0, 2_560)])
+@pytest.mark.parametrize(("keep", "least", "most"), [("", 25_600, 10**9), ("executors._keep_memory()", 0, 2_560)])
 def test_memory_is_kept_between_records_where_dask_wants_it_given_back(keep, least, most):
     """Two MiB a hundred times: 512 pages each time, or hardly any."""
     environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}

@@ -13,9 +13,8 @@ from batch_parts import POISON, config_of
 
 from data_schemas.errors import FileError
 from pipeline.batch.campaign import holds, remove_leftovers
-from pipeline.batch.config import failure, owner_of
+from pipeline.batch.job import failure, owner_of, process_record
 from pipeline.batch.ledger import NAME, Ledger
-from pipeline.batch.record import process_record
 from pipeline.batch.summary import write_summary
 
 

@@ -11,7 +11,7 @@ from batch_parts import config_of
 
 import data_schemas
 from pipeline.batch import summary
-from pipeline.batch.config import Outcome, failure
+from pipeline.batch.job import Outcome, failure
 from pipeline.batch.ledger import Ledger
 from pipeline.batch.summary import write_summary
 

@@ -21,9 +21,9 @@ from batch_parts import METHODS, config_of, write_record
 import data_schemas
 from pipeline.batch import confinement
 from pipeline.batch import executors as isolated
-from pipeline.batch.config import Config, Kind
 from pipeline.batch.confinement import MACHINES, confine, ruleset, socket_filter
 from pipeline.batch.executors import Isolated, pooled
+from pipeline.batch.job import Config, Kind
 from pipeline.cli.batch_kinds import read_record
 from pipeline.processing import process
 from synth.kernels.cache import cache_folder

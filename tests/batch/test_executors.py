@@ -19,10 +19,8 @@ from batch_parts import METHODS, POISON, alike, config_of, numbers_of, write_rec
 from pebble import ProcessExpired
 
 from pipeline.batch import executors as isolated
-from pipeline.batch import warming
-from pipeline.batch.config import Kind, Outcome
 from pipeline.batch.executors import Isolated, pooled, serial
-from pipeline.batch.record import process_record
+from pipeline.batch.job import Kind, Outcome, process_record
 
 FAULTS = {"crash": "Crashed", "leave": "Crashed", "hang": "TimedOut", "greedy": "MemoryError", "cut": "FileError"}
 DISTINCT = 5
@@ -213,20 +211,20 @@ def test_the_least_memory_is_too_little_and_told(small, out):
 
 def test_an_orphan_ends(monkeypatch):
     ended = []
-    monkeypatch.setattr(warming.ctypes, "CDLL", lambda _: SimpleNamespace(prctl=lambda *_: None))
-    monkeypatch.setattr(warming.os, "_exit", ended.append)
-    warming._die_with(os.getppid())
+    monkeypatch.setattr(isolated.ctypes, "CDLL", lambda _: SimpleNamespace(prctl=lambda *_: None))
+    monkeypatch.setattr(isolated.os, "_exit", ended.append)
+    isolated._die_with(os.getppid())
     assert ended == []
-    warming._die_with(os.getppid() + 1)
+    isolated._die_with(os.getppid() + 1)
     assert ended == [1]
-    monkeypatch.setattr(warming.sys, "platform", "darwin")
-    warming._die_with(os.getppid() + 1)
+    monkeypatch.setattr(isolated.sys, "platform", "darwin")
+    isolated._die_with(os.getppid() + 1)
     assert ended == [1]
 
 
 def test_warming_takes_methods_that_decline(monkeypatch):
-    monkeypatch.setattr(warming, "_die_with", lambda _: None)
-    warming.warm(["projection", "shooting"], parent=1)
+    monkeypatch.setattr(isolated, "_die_with", lambda _: None)
+    isolated.warm(["projection", "shooting"], parent=1)
     gc.unfreeze()
 
 
@@ -234,11 +232,11 @@ def test_warming_takes_methods_that_decline(monkeypatch):
 def test_a_c_library_is_asked_to_keep_memory_where_it_can(monkeypatch):
     asked = []
     for library in (SimpleNamespace(), SimpleNamespace(mallopt=lambda *what: asked.append(what))):
-        monkeypatch.setattr(warming.ctypes, "CDLL", lambda _, library=library: library)
-        warming._keep_memory()
+        monkeypatch.setattr(isolated.ctypes, "CDLL", lambda _, library=library: library)
+        isolated._keep_memory()
     assert asked == [(-1, 16 << 20), (-3, 8 << 20)]
-    monkeypatch.setattr(warming.sys, "platform", "darwin")
-    warming._keep_memory()
+    monkeypatch.setattr(isolated.sys, "platform", "darwin")
+    isolated._keep_memory()
     assert len(asked) == 2
 
 

@@ -10,8 +10,8 @@ from batch_parts import METHODS, config_of, write_record
 
 import synth
 from data_schemas.errors import IsochronyError
-from pipeline.batch.config import Kind
 from pipeline.batch.executors import Isolated
+from pipeline.batch.job import Kind
 from pipeline.cli.batch_kinds import digitise_film, read_record, simulate_scene
 from pipeline.importing.record import import_csv
 

@@ -23,8 +23,8 @@ from data_schemas import writing
 from pipeline.batch import campaign, ledger, summary
 from pipeline.batch import executors as isolated
 from pipeline.batch.campaign import Tally, remove_leftovers
-from pipeline.batch.config import owner_of
 from pipeline.batch.executors import pooled, serial
+from pipeline.batch.job import owner_of
 from pipeline.batch.ledger import Index, Ledger, Log
 from pipeline.batch.summary import NAMES, write_summary
 

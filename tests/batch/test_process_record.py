@@ -15,11 +15,11 @@ from batch_parts import POISON, alike, config_of, numbers_of, write_record
 import data_schemas
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget
+from data_schemas.text_files import file_sha256
 from pipeline import memory
-from pipeline.batch import record
-from pipeline.batch.config import Kind
-from pipeline.batch.record import file_sha256, process_record
-from pipeline.batch.warming import small_record
+from pipeline.batch import job
+from pipeline.batch.executors import small_record
+from pipeline.batch.job import Kind, process_record
 from pipeline.processing import process
 
 
@@ -180,7 +180,7 @@ def test_an_interrupt_is_no_outcome(small, out, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(record, "_made", stop)
+    monkeypatch.setattr(job, "_made", stop)
     with pytest.raises(KeyboardInterrupt):
         process_record(small, config_of(out, "a"))
 

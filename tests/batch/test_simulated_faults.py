@@ -22,9 +22,8 @@ from simulated_workers import FATES
 
 from data_schemas import writing
 from pipeline.batch import campaign, ledger
-from pipeline.batch.config import Outcome
+from pipeline.batch.job import Outcome, input_sha256
 from pipeline.batch.ledger import Ledger
-from pipeline.batch.record import input_sha256
 
 FOUND = {
     50: "a ledger that a power loss left as NULs was no ledger of a batch",

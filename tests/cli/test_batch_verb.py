@@ -20,7 +20,7 @@ from test_process import CONTRACT
 
 import data_schemas
 import synth
-from pipeline.batch.config import failure
+from pipeline.batch.job import failure
 from pipeline.batch.ledger import NAME
 from pipeline.batch.summary import NAMES
 from pipeline.cli.parser import processors

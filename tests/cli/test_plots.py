@@ -11,8 +11,7 @@ from made_trees import ERRORS, GRAVITY, METHODS, made_period_result, made_record
 from data_schemas.errors import FileError
 from pipeline.period.cycles import arc_factor
 from pipeline.plots.canvas import PALETTE, angle_scale, robust_limits, running_mean, save, time_scale
-from pipeline.plots.result import best_method, demo_figure, record_figure, result_figure
-from pipeline.plots.synchrony import period_figure
+from pipeline.plots.result import best_method, demo_figure, period_figure, record_figure, result_figure
 
 FIGURES = {
     "record": lambda: record_figure(made_record(gap=10)),

@@ -1,6 +1,7 @@
-"""Image files: TIFF and BigTIFF, decoded a strip or a row of tiles at a time; all others whole, by Pillow.
+"""Image files as rows of grey, and views of them.
 
-tifffile reads where the pixels of a TIFF are kept, which is checked against the file.
+TIFF and BigTIFF are decoded a strip or a row of tiles at a time, all others whole, by Pillow. tifffile reads where the
+pixels of a TIFF are kept, which is checked against the file.
 """
 
 from __future__ import annotations
@@ -10,29 +11,109 @@ import functools
 import importlib
 import itertools
 import logging
+import math
 import os
+import tempfile
 import warnings
+import weakref
 import zlib
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data_schemas.errors import FileError
-from pipeline.film.scan.image import Image, Pixels
+
+Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
 
 MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
-NO_COMPRESSION, DEFLATE, DEFLATE_OLD = 1, 8, 32946
+NO_COMPRESSION = 1
+COMPRESSIONS = NO_COMPRESSION, 8, 32946  # the others are deflate, by its new and old number
 HORIZONTAL = 2  # differences along the rows
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB = 0, 1, 2
 MOST_INFLATION = 1032  # of deflate, by its format
 CACHED = 2**24  # bytes of decoded bands
-CHUNK = 2**22  # bytes read at once of a file without compression
+CHUNK = 2**22  # bytes read at once of a file without compression, or written of a transposed image
 MOST_PAGES, SMALL = 16, 0.3  # of a file; pixels of its largest page, from which another one is no thumbnail
 ORIENTATION = 274  # tag of TIFF and EXIF
 BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
+
+TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")
+"""Rows and columns exchanged (t), then rows (r) and columns (c) reversed: what sets the rows of a file upright, by the
+orientation of TIFF and EXIF from 1 on."""
+CLOCKWISE = {0: "", 90: "tc", 180: "rc", 270: "tr"}  # Turns by degrees
+
+
+@dataclass(frozen=True)
+class Image:
+    """Rows of an image in grey; `full_scale` is the value of the lightest pixel, 255 or 65535."""
+
+    rows: int
+    columns: int
+    full_scale: int
+    read: Callable[[int, int], Pixels]  # rows from a first one to before another
+
+
+def part_of(image: Image, first: int, stop: int) -> Image:
+    """Some rows of an image."""
+    return replace(image, rows=stop - first, read=lambda a, b: image.read(first + a, first + b))
+
+
+def inverted(image: Image) -> Image:
+    """An image whose light lines have become dark."""
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = image.read(first, stop)
+        return np.asarray(pixels.dtype.type(image.full_scale) - pixels)
+
+    return replace(image, read=read)
+
+
+def turned(image: Image, turn: str) -> Image:
+    """An image after one of the `TURNS`."""
+    whole, columns = transposed(image) if "t" in turn else image, slice(None, None, -1 if "c" in turn else 1)
+
+    def read(first: int, stop: int) -> Pixels:
+        if "r" in turn:
+            return np.ascontiguousarray(whole.read(whole.rows - stop, whole.rows - first)[::-1, columns])
+        return np.ascontiguousarray(whole.read(first, stop)[:, columns])
+
+    return replace(whole, read=read) if turn.strip("t") else whole
+
+
+def transposed(image: Image) -> Image:
+    """An image whose columns have become rows, kept in a temporary file that goes with it.
+
+    The file holds chunks of rows one after the other, each transposed: it is written in order.
+    """
+    kind, rows, columns = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16), image.columns, image.rows
+    chunk = max(16, CHUNK // (rows * kind.itemsize))
+    try:
+        file: BinaryIO = tempfile.TemporaryFile(prefix="isochrony-")  # noqa: SIM115
+        for first in range(0, columns, chunk):
+            file.write(image.read(first, min(columns, first + chunk)).T.tobytes())
+        file.flush()
+    except OSError as fault:
+        raise FileError(
+            f"{tempfile.gettempdir()}: too little space to turn the image ({fault.strerror}); set TMPDIR to "
+            "another folder, or turn it beforehand so that the film runs down"
+        ) from fault
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.empty((stop - first, columns), dtype=kind)
+        for left in range(0, columns, chunk):
+            width = min(chunk, columns - left)
+            start = (left * rows + first * width) * kind.itemsize
+            data = os.pread(file.fileno(), (stop - first) * width * kind.itemsize, start)
+            pixels[:, left : left + width] = np.frombuffer(data, kind).reshape(stop - first, width)
+        return pixels
+
+    weakref.finalize(read, file.close)
+    return Image(rows, columns, image.full_scale, read)
 
 
 @dataclass(frozen=True)
@@ -41,17 +122,13 @@ class ImageFile(Image):
 
     path: Path
     resolution: tuple[float, float] | None  # pixels per inch down and across, as the file's tags say
-    upright: int  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
+    upright: Any  # the orientation of TIFF and EXIF, 1 to 8: how the stored rows lie in the picture
 
 
 def in_memory(pixels: Pixels, path: Path, resolution: tuple[float, float] | None = None, tag: Any = 1) -> ImageFile:
     """An image file that was decoded whole; `tag` is its orientation."""
     (rows, columns), full_scale = pixels.shape, 255 if pixels.dtype == np.uint8 else 65535
-    return ImageFile(rows, columns, full_scale, lambda a, b: pixels[a:b], path, resolution, _known_orientation(tag))
-
-
-def _known_orientation(tag: Any) -> int:
-    return int(tag) if tag in range(1, 9) else 1
+    return ImageFile(rows, columns, full_scale, lambda a, b: pixels[a:b], path, resolution, tag)
 
 
 def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
@@ -63,15 +140,13 @@ def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
 
 
 def to_grey(pixels: Pixels) -> Pixels:
-    """Grey of (rows, columns) or (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
+    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
 
     >>> to_grey(np.array([[[255, 255, 255], [0, 0, 0]]], dtype=np.uint8)).tolist()
     [[255, 0]]
     """
-    if pixels.ndim == 2:
-        return pixels
     if pixels.shape[2] < 3:
-        return np.ascontiguousarray(pixels[:, :, 0])
+        return pixels[:, :, 0]
     luma = np.full(pixels.shape[:2], 32768, dtype=np.uint32)  # 65535 * 65536 + 32768 fits
     for channel, weight in enumerate((19595, 38470, 7471)):  # of 65536
         luma += pixels[:, :, channel] * np.uint32(weight)
@@ -143,8 +218,7 @@ def open_tiff(path: Path) -> ImageFile:
     if several:
         raise FileError(f"{path}: holds several images; save each strip of film to a file, and add --strips")
     refuse_absurd_size(path, image.rows, image.columns)
-    is_known = image.compression in (NO_COMPRESSION, DEFLATE, DEFLATE_OLD)
-    if not is_known or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
+    if image.compression not in COMPRESSIONS or image.photometric not in (WHITE_IS_ZERO, BLACK_IS_ZERO, RGB):
         return open_whole(path, "TIFF")
     image.check()
     shape = image.rows, image.columns, image.full_scale
@@ -172,9 +246,9 @@ class Tiff:
         self.sizes = [int(value) for value in page.databytecounts]
         self.dtype = np.dtype(f"{byteorder}u{max(1, int(page.bitspersample) // 8)}")
         self.full_scale = 255 if self.dtype.itemsize == 1 else 65535
-        across, down = page.get_resolution("INCH")
-        self.resolution = float(down), float(across)
-        self.upright = _known_orientation(page.tags.valueof(ORIENTATION, default=1))
+        across, down = map(float, page.get_resolution("INCH"))
+        self.resolution = down, across
+        self.upright = page.tags.valueof(ORIENTATION, default=1)
 
     def check(self) -> None:
         """Raise `FileError` where the tags contradict each other or the file's length.
@@ -228,14 +302,13 @@ class Tiff:
                 number = (plane * -(-self.rows // height) + band) * across + tile
                 part = pixels[:, tile * width : (tile + 1) * width, plane * together : (plane + 1) * together]
                 part[:] = self._decode(stream.fileno(), number, rows)[:rows, : part.shape[1]]
-        grey = to_grey(pixels if self.channels > 1 else pixels[:, :, 0])
-        grey = np.ascontiguousarray(grey, dtype=grey.dtype.newbyteorder("="))
+        grey = np.ascontiguousarray(to_grey(pixels), dtype=self.dtype.newbyteorder("="))
         return self.full_scale - grey if self.photometric == WHITE_IS_ZERO else grey
 
     def _decode(self, descriptor: int, number: int, rows: int) -> Pixels:
         """Pixels of one segment of the open file; a last strip may hold fewer `rows` than the others, a tile never."""
         shape = (self.segment[0] if self.is_tiled else rows, *self.segment[1:])
-        needed = int(np.prod(shape)) * self.dtype.itemsize
+        needed = math.prod(shape) * self.dtype.itemsize
         name = f"{self.path}: strip or tile {number}"
         data = os.pread(descriptor, self.sizes[number], self.offsets[number])
         if self.compression != NO_COMPRESSION:

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
-import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import FileError, UsageError
-from data_schemas.text_files import MOST_BYTES, ordinary_size
-from pipeline.film.scan.files import ImageFile, open_tiff, open_whole
-from pipeline.film.scan.image import CLOCKWISE, TURNS, Image, Pixels, inverted, part_of, turned, without_border
+from data_schemas.text_files import MOST_BYTES, file_sha256, ordinary_size
+from pipeline.film.scan.files import (
+    CLOCKWISE,
+    TURNS,
+    Image,
+    ImageFile,
+    Pixels,
+    inverted,
+    open_tiff,
+    open_whole,
+    part_of,
+    turned,
+)
 
 SAMPLES, SAMPLE_ROWS = 24, 48  # pieces of the image that show whether lines are light
 BLOCK = 48  # columns of one level of the blank film
@@ -33,31 +42,17 @@ SQUARES, JPEG_SIDE = 1.25, 8  # step across the edges of JPEG's squares over tha
 PIECES, ROWS = 5, 256
 UNSTATED = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
 SQUARE = 0.01  # largest relative difference of pixels' two sides
+PROFILES, PROFILE_ROWS = 17, 64  # along the film, in which its border is searched
+LEAST_STEP = 0.05  # of full scale: what counts as an edge
+SHADOW = 6  # px of film beside the edge that show blank film too
+WIDEST = 0.45  # of the columns, that a border may fill
+FEWEST, AGREE = 4, 0.7  # profiles that must show an edge, and share of those where it should be
+SHARP = 6  # px within which the level changes at an edge
+ALL_ALONG = 0.9  # of the border's columns are away from the film's level
+STRAIGHT = 12.0  # px by which edges may depart from a straight line
 REMEDY = "give a scan of a film as TIFF, PNG or JPEG"
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
-
-
-@dataclass(frozen=True)
-class ScanOptions:
-    """How the image is to be taken.
-
-    `orientation` is the degrees by which it is turned clockwise so that time runs downwards; "auto" puts the long side
-    down, its left end up. `lines` are "dark" on light film or "light" on dark film; "auto": what departs from the blank
-    film decides.
-    """
-
-    dpi: float | None = None  # None: as the file says
-    orientation: str = "auto"
-    lines: str = "auto"
-
-    def __post_init__(self) -> None:
-        if self.dpi is not None and not 10.0 <= self.dpi <= 20_000.0:
-            raise UsageError(f"dpi {self.dpi:g}: give 10 to 20000 pixels per inch")
-        for name, known in (("orientation", ORIENTATIONS), ("lines", LINES)):
-            value = getattr(self, name)
-            if value not in known:
-                raise UsageError(f"{name} '{value}': give one of {', '.join(known)}")
 
 
 @dataclass
@@ -81,16 +76,10 @@ class OpenScan:
     @cached_property
     def sha256(self) -> tuple[str, ...]:
         """Of the files, in order."""
-        return tuple(sha256(path) for path in self.paths)
+        return tuple(file_sha256(path) for path in self.paths)
 
     def part(self, first: int, stop: int | None) -> OpenScan:
-        """Some rows of the same scan.
-
-        Raises
-        ------
-        UsageError
-            There are no such rows.
-        """
+        """Some rows of the same scan; `UsageError` where there are none."""
         last = self.rows if stop is None else min(stop, self.rows)
         if not 0 <= first < last:
             raise UsageError(f"rows {first} to {last}: the film has rows 0 to {self.rows}")
@@ -115,47 +104,61 @@ class OpenScan:
 
 
 def open_scan(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], options: ScanOptions | None = None
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    dpi: float | None = None,
+    orientation: str = "auto",
+    lines: str = "auto",
 ) -> OpenScan:
     """Open the image of a film, or overlapping strips of it in order; only a few pieces of them are read.
+
+    Parameters
+    ----------
+    paths : path or sequence of path
+    dpi : float, optional
+        Pixels per inch; left out: as the files say.
+    orientation : {"auto", "0", "90", "180", "270"}
+        Degrees by which it is turned clockwise so that time runs downwards; auto puts the long side down, its left end
+        up.
+    lines : {"auto", "dark", "light"}
+        Dark on light film or light on dark film; auto: what departs from the blank film decides.
 
     Raises
     ------
     UsageError
-        No file is named.
+        No file is named, or an option cannot be meant.
     FileError
         A file cannot be read, is no image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
     """
-    options = options or ScanOptions()
+    if dpi is not None and not 10.0 <= dpi <= 20_000.0:
+        raise UsageError(f"dpi {dpi:g}: give 10 to 20000 pixels per inch")
+    for name, value, known in (("orientation", orientation, ORIENTATIONS), ("lines", lines, LINES)):
+        if value not in known:
+            raise UsageError(f"{name} '{value}': give one of {', '.join(known)}")
     named = tuple(Path(name) for name in ([paths] if isinstance(paths, str | os.PathLike) else paths))
     if not named:
         raise UsageError("no film is named; give the image of a film, or its strips in order")
     files = [open_image(name) for name in named]
     notes: list[str] = []
-    upright: list[Image] = [turned(file, TURNS[file.upright - 1]) for file in files]
-    degrees = [
-        int(options.orientation) if options.orientation != "auto" else 90 * (image.columns > image.rows)
-        for image in upright
-    ]
+    upright = [turned(file, TURNS[file.upright - 1 if file.upright in range(1, 9) else 0]) for file in files]
+    degrees = [90 * (each.columns > each.rows) if orientation == "auto" else int(orientation) for each in upright]
     whole = [turned(image, CLOCKWISE[each]) for image, each in zip(upright, degrees, strict=True)]
     images = [without_border(image) for image in whole]
     if any(one is not other for one, other in zip(images, whole, strict=True)):
         notes.append("a border beside the film was found and overlaid")
-    if options.lines == "light" or (options.lines == "auto" and lines_are_light(images[0])):
+    if lines == "light" or (lines == "auto" and lines_are_light(images[0])):
         images = [inverted(image) for image in images]
-        notes += ["lines are light on dark film"] * (options.lines == "auto")
-    scale, image = _scale(files, options, notes), images[0]
+        notes += ["lines are light on dark film"] * (lines == "auto")
+    scale, image = _scale(files, notes) if dpi is None else MM_PER_INCH / dpi, images[0]
     if len(images) > 1:
         from pipeline.film.scan.strips import join
 
         image = join(images, named)
-    return OpenScan(image, scale, named, tuple(notes), degrees[0], options.orientation != "auto")
+    return OpenScan(image, scale, named, tuple(notes), degrees[0], orientation != "auto")
 
 
-def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -> float | None:
-    """Size of a pixel on the film, mm, from the option or the files' tags."""
-    if options.dpi is not None:
-        return MM_PER_INCH / options.dpi
+def _scale(files: Sequence[ImageFile], notes: list[str]) -> float | None:
+    """Size of a pixel on the film, mm, from the files' tags."""
     stated = set()
     for file in files:
         if file.resolution is None or not all(10.0 <= value <= 20_000.0 for value in file.resolution):
@@ -177,6 +180,80 @@ def _scale(files: Sequence[ImageFile], options: ScanOptions, notes: list[str]) -
     return MM_PER_INCH / stated.pop()
 
 
+class Edge(NamedTuple):
+    """Column of the film's edge at row 0, its change a row, and the level of the film beside it."""
+
+    start: float
+    slope: float
+    level: float
+
+
+def _spread(last: int, count: int) -> list[int]:
+    """At most so many rows from the first to the last, evenly."""
+    rows: list[int] = np.unique(np.linspace(0, last, count).astype(np.int64)).tolist()
+    return rows
+
+
+def without_border(image: Image) -> Image:
+    """An image whose borders show blank film, so that columns keep their numbers; itself where it has none."""
+    left, right = border_of(image)
+
+    def read(first: int, stop: int) -> Pixels:
+        pixels = np.array(image.read(first, stop))
+        rows, columns = np.arange(first, stop)[:, None], np.arange(image.columns)
+        if left is not None:
+            pixels[columns < left.start + left.slope * rows + SHADOW] = round(left.level)
+        if right is not None:
+            pixels[columns >= right.start + right.slope * rows - SHADOW] = round(right.level)
+        return pixels
+
+    return image if left is None and right is None else replace(image, read=read)
+
+
+def border_of(image: Image) -> tuple[Edge | None, Edge | None]:
+    """The film's left and right edge where the scanner's border lies beside it.
+
+    The border is lighter or darker than blank film, and straight but perhaps oblique.
+    """
+    height = min(PROFILE_ROWS, image.rows)
+    starts = _spread(image.rows - height, PROFILES)
+    profiles = np.array([np.median(image.read(a, a + height), axis=0) for a in starts], dtype=np.float64)
+    middle = np.array(starts) + 0.5 * height
+    left, right = (_edge(each, middle, LEAST_STEP * image.full_scale) for each in (profiles, profiles[:, ::-1]))
+    return left, right and Edge(image.columns - right.start, -right.slope, right.level)
+
+
+def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], limit: float) -> Edge | None:
+    """Straight line through the edges at the left of the profiles; None without."""
+    widths = np.array([_width(profile, limit) for profile in profiles])
+    visible = widths > 0
+    if np.count_nonzero(visible) < FEWEST:
+        return None
+    slope, start = np.polyfit(rows[visible], widths[visible], 1)
+    apart = widths[visible] - slope * rows[visible] - start
+    # an oblique border may leave the image, but may not be missing where it should be
+    missing = slope * rows[~visible] + start > 2.0 * SHARP
+    if np.abs(apart).max() > STRAIGHT or np.count_nonzero(missing) > (1.0 - AGREE) * rows.size:
+        return None
+    film = [each[width + SHARP : width + 60] for each, width in zip(profiles[visible], widths[visible], strict=True)]
+    return Edge(float(start + apart.max()), float(slope), float(np.median(np.concatenate(film))))
+
+
+def _width(profile: NDArray[np.float64], limit: float) -> int:
+    """Columns of border at the left of a profile, 0 if there is none.
+
+    An edge is a step between a few pixels, beyond which the level never comes back halfway: a vignette has no step,
+    and beside a scratch there is film again.
+    """
+    step = profile[SHARP:] - profile[:-SHARP]
+    for edge in np.flatnonzero(np.abs(step[: int(WIDEST * profile.size)]) > limit)[::-1].tolist():
+        film = float(np.median(profile[edge + SHARP : edge + SHARP + 60]))
+        away = (film - profile[: edge + 1]) * np.sign(step[edge])
+        if np.mean(away > 0.5 * abs(step[edge])) > ALL_ALONG:
+            return int(edge) + 1
+    return 0
+
+
 def lines_are_light(image: Image) -> bool | None:
     """Whether what departs from the blank film is lighter than it; film is mostly blank. None: nothing departs.
 
@@ -184,7 +261,7 @@ def lines_are_light(image: Image) -> bool | None:
     """
     darker, lighter = 0.0, 0.0
     height = min(SAMPLE_ROWS, image.rows)
-    for first in np.unique(np.linspace(0, image.rows - height, SAMPLES).astype(np.int64)).tolist():
+    for first in _spread(image.rows - height, SAMPLES):
         departure = _departures(image.read(first, first + height))
         darker += float(-departure[departure < 0.0].sum())
         lighter += float(departure[departure > 0.0].sum())
@@ -209,8 +286,7 @@ def cause_in(scan: OpenScan) -> str | None:
     """The likeliest fault of a scan that lies in the scan itself, with its remedy; None where it looks well."""
     if scan.scale is not None and (dpi := MM_PER_INCH / scan.scale) < COARSE:
         return f"the scan has {dpi:.0f} dpi, too few for its lines: scan at 300 dpi"
-    firsts = np.linspace(0, max(0, scan.rows - ROWS), PIECES).astype(int).tolist()
-    pieces = [scan.read(first, first + ROWS) for first in firsts]
+    pieces = [scan.read(first, first + ROWS) for first in _spread(max(0, scan.rows - ROWS), PIECES)]
     levels = np.unique(np.concatenate([np.unique(piece) for piece in pieces])).size
     if levels <= STEPS:
         return f"the scan has {levels} grey levels: scan in grey with 8 bits"
@@ -234,8 +310,12 @@ def _squares(pixels: Pixels) -> float:
 
 def open_image(path: Path) -> ImageFile:
     """Open an image file of any kind that is known; `FileError` if it is none, `UsageError` if a library is missing."""
-    with open_binary(path) as stream:
-        magic = stream.read(8)
+    ordinary_size(path, MOST_BYTES, REMEDY)
+    try:
+        with path.open("rb") as stream:
+            magic = stream.read(8)
+    except OSError as fault:
+        raise FileError(f"{path}: cannot be read ({fault.strerror}); make the file readable") from fault
     for needed in ("tifffile", "PIL"):
         if importlib.util.find_spec(needed) is None:
             raise UsageError(f"reading films needs {needed}, which is not installed; pip install 'isochrony[film]'")
@@ -244,18 +324,3 @@ def open_image(path: Path) -> ImageFile:
     if magic == PNG or magic[:3] == JPEG:
         return open_whole(path, "PNG" if magic == PNG else "JPEG")
     raise FileError(f"{path}: is no image that can be read; {REMEDY}")
-
-
-def open_binary(path: Path) -> io.BufferedReader:
-    """Open a file for reading; `FileError` where it is not there, no ordinary file, or may not be read."""
-    ordinary_size(path, MOST_BYTES, REMEDY)
-    try:
-        return path.open("rb")
-    except OSError as fault:
-        raise FileError(f"{path}: cannot be read ({fault.strerror}); make the file readable") from fault
-
-
-def sha256(path: Path) -> str:
-    """SHA-256 of a file, read piece by piece."""
-    with open_binary(path) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

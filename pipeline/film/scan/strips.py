@@ -20,14 +20,12 @@ from numpy.typing import NDArray
 
 from data_schemas.errors import FileError
 from pipeline.film.parts import Floats
-from pipeline.film.scan.image import Image, Pixels
+from pipeline.film.scan.files import Image, Pixels
 from synth.kernels.compiled import kernel
 
 DOWN, ACROSS = 2, 6  # pixels to a bin of the search
-TEMPLATES, TEMPLATE = 4, 96  # parts of the strip's beginning that are searched for, bins of rows each
 LONGEST = 8192  # rows of overlap that are searched
-NEAR = 6  # bins of rows that count as one shift
-CANDIDATES = 24  # shifts of each template
+LEAST, NEAR = 48, 6  # bins of rows that overlap at least, and that count as one shift
 ROUGH, FINE = 16, 3  # of the best shifts, aligned roughly and finely:
 ROUGHLY, FINELY = (4.0,), (2.0, 1.0)  # 1 sigma of the smoothing, px: wide first, to converge from the search's bins
 ROWS = 720  # of the overlap that are compared
@@ -38,7 +36,6 @@ EXACT = 0.02  # px: a placement this close to whole pixels is taken for them
 MARGIN = 3  # rows that cubic convolution reaches beyond
 CHUNK = 1024  # rows resampled at a time
 Grey = NDArray[np.float32]
-Steps = tuple[float, float, float, float]  # Rows a row and a column, columns a row and a column
 
 
 class Placement(NamedTuple):
@@ -67,10 +64,7 @@ class Part(NamedTuple):
 def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
     """Lay strips on each other: one image, as wide as the first.
 
-    Raises
-    ------
-    FileError
-        Two strips do not overlap, or not certainly in one way only.
+    `FileError`: two strips do not overlap, or not certainly in one way only.
     """
     if len({image.full_scale for image in images}) > 1:
         raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
@@ -96,8 +90,10 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
     def read(first: int, stop: int) -> Pixels:
         pixels = np.empty((stop - first, images[0].columns), dtype=kind)
         for part, end in zip(parts, [*(part.first for part in parts[1:]), rows], strict=True):
-            for a in range(max(first, part.first), min(stop, end), CHUNK):
-                fill(part, a, pixels[a - first : min(a + CHUNK, stop, end) - first])
+            begin, last = max(first, part.first), min(stop, end)
+            if begin < last:
+                turn = cmath.exp(1j * part.turn)
+                sample(part.image, -part.offset * turn, turn, 1j * turn, begin, pixels[begin - first : last - first])
         return pixels
 
     return replace(images[0], rows=rows, read=read)
@@ -115,49 +111,43 @@ def straightened(image: Image, lean: float, shear: float) -> Image:
 
     def read(first: int, stop: int) -> Pixels:
         pixels = np.empty((stop - first, columns), dtype=np.uint8 if image.full_scale == 255 else np.uint16)
-        for a in range(first, stop, CHUNK):
-            sample(image, begin + a * (1.0 + 1j * lean), (1.0, shear, lean, 1.0), pixels[a - first :][:CHUNK])
+        sample(image, begin, 1.0 + 1j * lean, shear + 1j, first, pixels)
         return pixels
 
     return replace(image, rows=rows, columns=columns, read=read)
 
 
-def fill(part: Part, first: int, wanted: Pixels) -> None:
-    """Rows of the film from `first` on, of one strip."""
-    sine, cosine = math.sin(part.turn), math.cos(part.turn)
-    begin = (first - part.offset) * cmath.exp(1j * part.turn)
-    sample(part.image, begin, (cosine, -sine, sine, cosine), wanted)
-
-
-def sample(image: Image, begin: complex, steps: Steps, wanted: Pixels) -> None:
-    """Pixels of an image from the place `begin` (row + i column) on; see `resample`."""
-    ends = [begin.real + steps[0] * i + steps[1] * j for i in (0, wanted.shape[0]) for j in (0, wanted.shape[1])]
-    low = min(max(0, math.floor(min(ends)) - MARGIN), image.rows - 1)
-    high = min(image.rows, math.ceil(max(ends)) + MARGIN)
-    source, top = image.read(low, max(high, low + 1)), float(image.full_scale)
-    resample(source, wanted, begin.real - low, begin.imag, steps, top)
+def sample(image: Image, origin: complex, along: complex, across: complex, first: int, wanted: Pixels) -> None:
+    """Fill `wanted` from `first` on: pixel (i, j) is at `origin + i along + j across` of an image, row + i column."""
+    for a in range(0, wanted.shape[0], CHUNK):
+        some, begin = wanted[a : a + CHUNK], origin + (first + a) * along
+        ends = [begin.real + i * along.real + j * across.real for i in (0, some.shape[0]) for j in (0, some.shape[1])]
+        low = min(max(0, math.floor(min(ends)) - MARGIN), image.rows - 1)
+        high = min(image.rows, math.ceil(max(ends)) + MARGIN)
+        source = image.read(low, max(high, low + 1))
+        resample(source, some, begin - low, along, across, float(image.full_scale))
 
 
 @kernel
-def resample(source: Pixels, wanted: Pixels, row: float, column: float, steps: Steps, top: float) -> None:
-    """Fill `wanted` from `source`: pixel (i, j) is taken from (row + i a + j b, column + i c + j d), steps a to d.
+def resample(source: Pixels, wanted: Pixels, begin: complex, along: complex, across: complex, top: float) -> None:
+    """See `sample`. Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated.
 
-    Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated. Positions count from the first
-    pixel's centre; `top` is the lightest value.
+    Positions count from the first pixel's centre; `top` is the lightest value.
     """
     rows, columns = source.shape
-    down, across = np.empty(4), np.empty(4)
+    of_rows, of_columns = np.empty(4), np.empty(4)
     for i in range(wanted.shape[0]):
         for j in range(wanted.shape[1]):
-            y, x = row + i * steps[0] + j * steps[1], column + i * steps[2] + j * steps[3]
+            y = begin.real + i * along.real + j * across.real
+            x = begin.imag + i * along.imag + j * across.imag
             below, left, value = math.floor(y), math.floor(x), 0.0
-            for u, weight in ((y - below, down), (x - left, across)):
+            for u, weight in ((y - below, of_rows), (x - left, of_columns)):
                 weight[0], weight[1] = u * (-0.5 + u * (1.0 - 0.5 * u)), 1.0 + u * u * (-2.5 + 1.5 * u)
                 weight[2], weight[3] = u * (0.5 + u * (2.0 - 1.5 * u)), u * u * (-0.5 + 0.5 * u)
             for k in range(4):
                 line = source[min(max(int(below) + k - 1, 0), rows - 1)]
                 for m in range(4):
-                    value += down[k] * across[m] * line[min(max(int(left) + m - 1, 0), columns - 1)]
+                    value += of_rows[k] * of_columns[m] * line[min(max(int(left) + m - 1, 0), columns - 1)]
             wanted[i, j] = min(max(math.floor(value + 0.5), 0.0), top)
 
 
@@ -165,19 +155,13 @@ def place(before: Image, strip: Image) -> Placement:
     """Find where a strip's beginning lies on the end of the strip before; its match is 0 if nothing matches at all."""
     length = min(LONGEST, before.rows, strip.rows)
     first = before.rows - length
-    old, new = _binned(before, first, before.rows), _binned(strip, 0, length)
-    width = min(old.shape[1], new.shape[1])
-    old, new = old[:, :width], new[:, :width]
-    ranked = sorted(((_match(old, new, *shift), shift) for shift in _candidates(old, new)), reverse=True)
-    if not ranked or ranked[0][0] <= 0.0:
-        return Placement(0j, 0.0, 0.0)
-    tried: dict[int, Placement] = {}
-    for _, (down, across) in ranked:
-        if len(tried) < ROUGH and all(abs(down - other) > NEAR for other in tried):
-            tried[down] = align(before, strip, complex(first + down * DOWN, across * ACROSS), ROUGHLY)
-    rough = sorted(tried.values(), key=lambda each: -each.match)[:FINE]
-    fine = [align(before, strip, each.offset, FINELY, each.turn) for each in rough]
-    best, *others = sorted(fine, key=lambda each: -each.match)
+    shifts = _shifts(_binned(before, first, before.rows), _binned(strip, 0, length))
+    tried = [align(before, strip, complex(first + down * DOWN, across * ACROSS), ROUGHLY) for down, across in shifts]
+    rough = sorted(tried, key=lambda each: -each.match)[:FINE]
+    fine = sorted(
+        (align(before, strip, each.offset, FINELY, each.turn) for each in rough), key=lambda each: -each.match
+    )
+    best, *others = fine or [Placement(0j, 0.0, 0.0)]
     return best._replace(second=max((each.match for each in others), default=0.0))
 
 
@@ -193,58 +177,50 @@ def _binned(image: Image, first: int, stop: int) -> Grey:
     return bins / max(float(bins.std()), 1e-6)
 
 
-def _candidates(old: Grey, new: Grey) -> set[tuple[int, int]]:
-    """Shifts (down, across), in bins, at which some part of the strip's beginning matches well."""
+def _shifts(old: Grey, new: Grey) -> list[tuple[int, int]]:
+    """Shifts (down, across), bins, at which the strip's beginning matches best over the overlap that each implies."""
     from scipy.signal import correlate
 
-    shifts: set[tuple[int, int]] = set()
-    height = min(TEMPLATE, new.shape[0])
-    most, middle = max(1, new.shape[1] // 8), new.shape[1] - 1
-    for start in range(0, min(TEMPLATES * height, new.shape[0] - height + 1), height):
-        surface = correlate(old, new[start : start + height], method="fft")[height - 1 :]
-        near = surface[:, middle - most : middle + most + 1]
-        best = near.max(axis=1)
-        for _ in range(CANDIDATES):
-            row = int(np.argmax(best))
-            if best[row] <= 0.0:
-                break
-            if 0 <= row - start < old.shape[0] - height // 2:
-                shifts.add((row - start, int(np.argmax(near[row])) - most))
-            best[max(0, row - NEAR) : row + NEAR + 1] = 0.0
+    rows, middle = new.shape[0] - 1, new.shape[1] - 1  # of no shift
+    some = slice(rows, rows + max(old.shape[0] - LEAST, 1)), slice(middle - middle // 8, middle + middle // 8 + 1)
+
+    def products(one: Grey, other: Grey) -> Grey:
+        return correlate(one, other, method="fft")[some]
+
+    norm = products(old**2, np.ones_like(new)) * products(np.ones_like(old), new**2)
+    match = products(old, new) / np.sqrt(np.maximum(norm, 1.0))
+    best = match.max(axis=1)
+    shifts: list[tuple[int, int]] = []
+    while len(shifts) < ROUGH and best.max() > 0.0:
+        down = int(np.argmax(best))
+        shifts.append((down, int(np.argmax(match[down])) - middle // 8))
+        best[max(0, down - NEAR) : down + NEAR + 1] = 0.0
     return shifts
-
-
-def _match(old: Grey, new: Grey, down: int, across: int) -> float:
-    """Correlation over the whole overlap of a shift."""
-    rows, columns = min(old.shape[0] - down, new.shape[0]), old.shape[1] - abs(across)
-    one = old[down : down + rows, max(0, across) : max(0, across) + columns]
-    other = new[:rows, max(0, -across) : max(0, -across) + columns]
-    norm = float(np.sqrt(np.sum(one * one, dtype=np.float64) * np.sum(other * other, dtype=np.float64)))
-    return float(np.sum(one * other, dtype=np.float64)) / norm if norm > 0.0 else 0.0
 
 
 def align(before: Image, strip: Image, offset: complex, widths: Sequence[float], turn: float = 0.0) -> Placement:
     """Refine a placement that is right to a few pixels, by Gauss-Newton on the images smoothed by `widths` in turn."""
     from scipy.ndimage import gaussian_filter, map_coordinates
 
-    row, column = offset.real, offset.imag
-    overlap = min(before.rows - round(row), strip.rows)
+    row = round(offset.real)
+    overlap = min(before.rows - row, strip.rows)
     first = max(0, (overlap - ROWS) // 2)
     rows, columns = min(ROWS, overlap), strip.columns
     new = _levelled(strip.read(first, first + rows))
-    start = max(0, round(row) + first - 16)
-    old = _levelled(before.read(start, min(before.rows, round(row) + first + rows + 16)))
+    start = max(0, row + first - 16)
+    old = _levelled(before.read(start, min(before.rows, row + first + rows + 16)))
     inner = slice(8, rows - 8, 2), slice(8, columns - 8, 2)
-    down, across = np.mgrid[inner].astype(np.float64)
-    match, middle_row, middle_column = 0.0, 0.5 * rows, 0.5 * columns
-    about_row, about_column = down - middle_row, across - middle_column
-    # of the compared part's own frame, turning about its middle
-    shift_row, shift_column = row + first - start + turn * middle_column, column - turn * (middle_row + first)
+    down, across = np.mgrid[inner]
+    match, middle, places = 0.0, 0.5 * complex(rows, columns), down + 1j * across
+    about = places - middle
+    # of the compared part's own frame, turning about its middle instead of the strip's first pixel
+    shift = offset + first - start - 1j * turn * (first + middle)
     for width in widths:
         smooth = gaussian_filter(old, width)
         slopes, wanted = np.gradient(smooth), gaussian_filter(new, width)[inner]
         for _ in range(STEPS):
-            at = np.stack([down + shift_row + turn * about_column, across + shift_column - turn * about_row])
+            where = places + shift - 1j * turn * about
+            at = np.stack([where.real, where.imag])
             inside = (at[0] >= 0) & (at[0] <= old.shape[0] - 1) & (at[1] >= 0) & (at[1] <= old.shape[1] - 1)
             shown, by_row, by_column = (
                 map_coordinates(each, at[:, inside], order=1, mode="nearest") for each in (smooth, *slopes)
@@ -252,15 +228,12 @@ def align(before: Image, strip: Image, offset: complex, widths: Sequence[float],
             if shown.size < 100:  # away from the overlap: no match
                 return Placement(offset, 0.0, 0.0)
             match = float(np.corrcoef(shown, wanted[inside])[0, 1])
-            by_turn = by_row * about_column[inside] - by_column * about_row[inside]
-            design = np.stack([by_row, by_column, by_turn])
+            design = np.stack([by_row, by_column, by_row * about.imag[inside] - by_column * about.real[inside]])
             step = np.linalg.lstsq(design @ design.T, design @ (wanted[inside] - shown), rcond=1e-10)[0]
-            shift_row, shift_column, turn = shift_row + step[0], shift_column + step[1], turn + step[2]
+            shift, turn = shift + complex(step[0], step[1]), turn + float(step[2])
             if np.abs(step * (1.0, 1.0, max(rows, columns))).max() < CONVERGED:
                 break
-    # from turning about the middle of the compared part to turning about the strip's first pixel
-    place = complex(shift_row + start - first - turn * middle_column, shift_column + turn * (middle_row + first))
-    return Placement(place, float(turn), match)
+    return Placement(shift + start - first + 1j * turn * (first + middle), turn, match)
 
 
 def _levelled(pixels: Pixels) -> Floats:

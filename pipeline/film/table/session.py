@@ -23,12 +23,11 @@ from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.film_description import FilmDescription
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from data_schemas.scene_fields import one_line
-from pipeline.film.digitise import open_film
+from pipeline.film.digitise import make_record, open_film, summary
 from pipeline.film.edits import check_scan
 from pipeline.film.following import FilmTraces, Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import Reading, read_traces
-from pipeline.film.record import make_record, summary
 from pipeline.film.table.doubtful import doubtful
 from pipeline.film.table.refining import Gravity, Refining, going_on
 from pipeline.ledger.entry import MGAL
@@ -82,10 +81,10 @@ class Session:
         `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
         another scan.
         """
-        path = edits_path(paths[0]) if edits is None else edits
+        path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None
-        options = options or FilmOptions()
-        options = options if made is None else replace(options, orientation=str(made.orientation))
+        if made is not None:
+            options = replace(options, orientation=str(made.orientation))
         scan, known = open_film(paths, description, options)
         if made is not None:
             check_scan(made, scan)
@@ -229,12 +228,12 @@ class Session:
             refusal = fault
         self._now, self.reading, self.record, self.refusal = now, reading, record, refusal
         self._revision += 1
-        self._refining.stop()
         if record is None:
+            self._refining.stop()
             self._gravity = Gravity(refused=str(refusal))
-            return
-        self._gravity = going_on(record, self._refining.last)
-        self._refining.begin(record)
+        else:
+            self._gravity = going_on(record, self._refining.last)
+            self._refining.begin(record)
 
     def _clock(self, seconds: float) -> str:
         """A time of the record as the clock showed it; seconds from a full minute where that is not known."""

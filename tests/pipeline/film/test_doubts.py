@@ -9,12 +9,12 @@ import pytest
 from film_stand_ins import PERIODS, reading
 
 from data_schemas import check
+from pipeline.film.digitise import AMBIGUOUS, make_record, scale_error
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.marks.alignment import Events
 from pipeline.film.marks.counting import Count
 from pipeline.film.marks.numbering import doubts, find_minutes
 from pipeline.film.parts import Marking
-from pipeline.film.record import AMBIGUOUS, make_record, scale_error
 
 KNOWN = Known(None, FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81))
 MARKS = 601  # of half a second; a row each, a code a quarter after the mark of each full minute

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.film.scan.files import ImageFile, in_memory
-from pipeline.film.scan.image import border_of, without_border
+from pipeline.film.scan.opening import border_of, without_border
 
 ROWS, COLUMNS = 1200, 400
 

@@ -12,12 +12,11 @@ from data_schemas.checksum import numbers_sha256
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from pipeline.cli.main import main
-from pipeline.film.digitise import digitise, open_film
+from pipeline.film.digitise import digitise, make_record, open_film
 from pipeline.film.edits import Placed, contains
 from pipeline.film.following import FilmTraces, find_time
 from pipeline.film.knowledge import FilmOptions
 from pipeline.film.reading import read_traces
-from pipeline.film.record import make_record
 
 tifffile = pytest.importorskip("tifffile")
 pytestmark = pytest.mark.compiled

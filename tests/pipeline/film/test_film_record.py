@@ -12,10 +12,10 @@ from film_stand_ins import LEVER, PERIODS, SCALE, angles, reading
 import data_schemas
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import DescribedTrace, FilmDescription
-from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known
+from pipeline.film.digitise import make_record, summary
+from pipeline.film.knowledge import ASSUMED_LEVER, FilmOptions, Known, film_scale, match
 from pipeline.film.normal_points import PhaseDifference, clock_uncertainty
-from pipeline.film.reading import clear_of_marks, close, film_scale
-from pipeline.film.record import make_record, match, summary
+from pipeline.film.reading import clear_of_marks, close
 
 TWO = FilmOptions(traces=("1", "1-2"), periods=PERIODS, gravity=9.81)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from film_stand_ins import reading
 
-from pipeline.film.record import findings
+from pipeline.film.digitise import findings
 from pipeline.flag_words import OF_FILM
 
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import FileError, IsochronyError, UsageError
-from pipeline.film.scan.files import in_memory, to_grey
-from pipeline.film.scan.image import CLOCKWISE, TURNS, turned
-from pipeline.film.scan.opening import ScanOptions, open_scan
+from pipeline.film.scan.files import CLOCKWISE, TURNS, in_memory, to_grey, turned
+from pipeline.film.scan.opening import open_scan
 
 tifffile = pytest.importorskip("tifffile")
 Image = pytest.importorskip("PIL.Image")
@@ -139,7 +138,7 @@ def test_turns_combine():
 
 @pytest.mark.parametrize("layout", ["plain", "deflated", "tiles"])
 def test_film_that_lies_across_is_turned_in_pieces(tmp_path, layout, monkeypatch):
-    monkeypatch.setattr("pipeline.film.scan.image.CHUNK", 300 * 21)
+    monkeypatch.setattr("pipeline.film.scan.files.CHUNK", 300 * 21)
     pixels = film()
     scan = open_scan(save(tmp_path / "film.tif", np.rot90(pixels).copy(), **LAYOUTS[layout]))
     np.testing.assert_array_equal(scan.read(0, 300), pixels)
@@ -153,7 +152,7 @@ def test_light_lines_become_dark_and_the_option_decides_otherwise(tmp_path):
     scan = open_scan(negative)
     np.testing.assert_array_equal(scan.read(0, 300), pixels)
     assert "light" in scan.notes[0]
-    np.testing.assert_array_equal(open_scan(negative, ScanOptions(lines="dark")).read(0, 300), 255 - pixels)
+    np.testing.assert_array_equal(open_scan(negative, lines="dark").read(0, 300), 255 - pixels)
 
 
 def test_resolution_from_tags_in_inches_or_centimetres_or_the_option(tmp_path):
@@ -161,7 +160,7 @@ def test_resolution_from_tags_in_inches_or_centimetres_or_the_option(tmp_path):
     for unit, value in (("INCH", 300.0), ("CENTIMETER", 300.0 / 2.54)):
         path = save(tmp_path / f"{unit}.tif", pixels, resolution=(value, value), resolutionunit=unit)
         assert open_scan(path).scale == pytest.approx(25.4 / 300)
-        assert open_scan(path, ScanOptions(dpi=600)).scale == pytest.approx(25.4 / 600)
+        assert open_scan(path, dpi=600).scale == pytest.approx(25.4 / 600)
     assert open_scan(save(tmp_path / "none.tif", pixels)).scale is None
     screen = save(tmp_path / "screen.tif", pixels, resolution=(72, 72), resolutionunit="INCH")
     assert open_scan(screen).scale is None
@@ -171,11 +170,11 @@ def test_resolution_from_tags_in_inches_or_centimetres_or_the_option(tmp_path):
 
 def test_options_are_checked():
     with pytest.raises(UsageError, match="orientation '45': give one of auto, 0"):
-        ScanOptions(orientation="45")
+        open_scan("film.tif", orientation="45")
     with pytest.raises(UsageError, match="lines 'grey'"):
-        ScanOptions(lines="grey")
+        open_scan("film.tif", lines="grey")
     with pytest.raises(UsageError, match="dpi 0"):
-        ScanOptions(dpi=0.0)
+        open_scan("film.tif", dpi=0.0)
     with pytest.raises(UsageError, match="no film is named"):
         open_scan([])
 

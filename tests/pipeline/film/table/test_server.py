@@ -19,6 +19,7 @@ import pytest
 from stand_in_session import ROWS, Served, StandInSession
 
 from data_schemas.errors import UsageError
+from pipeline.cli.main import main
 from pipeline.film.table.server import serve
 
 BREAK = {"kind": "break", "row": 100.0}
@@ -213,10 +214,10 @@ def test_port_in_use_is_refused(standing: Served) -> None:
         serve(StandInSession(), port=70_000, browser=False)
 
 
-def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"isochrony\[table\]"):
-        serve(StandInSession(), browser=False)
+    assert main(["digitise", "a.tif", "--table"]) == 2
+    assert "isochrony[table]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("display", [":0", ""])

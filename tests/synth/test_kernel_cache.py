@@ -265,7 +265,7 @@ def test_a_slice_that_does_not_fit_is_refused_as_by_numba_itself() -> None:
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:
     found = cache.closure([cache.ROOT / "synth/systems/dispatch.py"])
-    assert {cache.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "reduced_beam")} <= set(found)
+    assert {cache.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "terms")} <= set(found)
 
 
 def test_kernels_of_the_joint_fit_are_made_from_few_files() -> None:

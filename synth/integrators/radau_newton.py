@@ -60,7 +60,7 @@ def _tableau(stages: int) -> Tableau:
     every = range(stages)
     with ctx.workprec(_BITS):
         shifted = fmpq_poly([-1, 2])
-        residue = fmpq_poly.legendre_p(stages)(shifted) - fmpq_poly.legendre_p(stages - 1)(shifted)
+        residue: Any = fmpq_poly.legendre_p(stages)(shifted) - fmpq_poly.legendre_p(stages - 1)(shifted)
         exact = sorted((root.real for root, _ in residue.complex_roots()), key=float)
         # A c^(k-1) = c^k/k
         powers = arb_mat([[node**k for k in every] for node in exact])

@@ -20,9 +20,8 @@ from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
-from synth.systems.harmonic_motion import Harmonics, harmonics
 from synth.systems.resistance import terms_of
-from synth.systems.terms import Impulses
+from synth.systems.terms import Harmonics, Impulses, harmonics
 
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
@@ -71,7 +70,7 @@ def assemble(
     system: Any
     match support:
         case BoardSupport():
-            from synth.systems.metronomes import Metronomes
+            from synth.systems.yielding import Metronomes
 
             system = Metronomes(own, support.coupling, terms, scene.gravity, upwards)
             lever = -support.coupling * float(np.mean(scene.gravity / own**2))

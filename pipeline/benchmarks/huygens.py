@@ -20,10 +20,9 @@ from pipeline.benchmarks.tables import Row, draws, kept, progress
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, legend, panel, save, sheet
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope
+from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope, stability
 from synth.huygens.orbit import orbit, orbits, start_of
 from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
-from synth.huygens.slow_flow import stability
 from synth.integrators.collocation import integrate, integrate_ensemble
 
 LABELS = {"beta": "beta", "q": "q = 2X/l", "tau": "tau", "k": "k = d eta/d chi"}

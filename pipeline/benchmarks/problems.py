@@ -19,8 +19,8 @@ from synth.pendulums.linear import respond
 from synth.phase import Floats
 from synth.propagators.times import EvenTimes
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
-from synth.systems.harmonic_motion import harmonics
 from synth.systems.resistance import VanDerPol, VanDerPolDrive, Viscous
+from synth.systems.terms import harmonics
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 GRAVITY = 9.81

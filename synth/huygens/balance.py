@@ -7,8 +7,12 @@ felt. Put into (8),
 
 three conics in g_1, g_2 whose coefficients are polynomials of beta. They meet only where their resultant vanishes, a
 polynomial of degree 20 of beta (4 times the coefficients' 2, 2 and 1), and since 0 <= s <= nu d/(4 d0),
-|E_i| <= sqrt(s) shuts beta into an interval. All its roots there are isolated in exact arithmetic, and in each all
-intersections are tried: so none is missed.
+|E_i| <= sqrt(s) shuts beta into an interval. Doubles are rationals: all its roots there are isolated in exact
+arithmetic, and in each all intersections are tried, so that none is missed and none doubled.
+
+Three quadratic forms in three unknowns vanish together somewhere (but at the origin) if and only if the determinant of
+six quadratic forms does: the three, and the slopes of their Jacobian, which also vanish wherever the three do
+(G. Salmon, Lessons introductory to the modern higher algebra, 1885, art. 90).
 
 Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A
 clock that stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
@@ -17,14 +21,14 @@ clock that stands still (A_i = 0) solves the equations of motion but not (7), an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
+from flint import Ordering, ctx, fmpq, fmpq_mpoly_ctx, fmpz_poly
 
 from synth.huygens.clocks import Clocks, checked, jacobian
-from synth.huygens.real_roots import Conic, rational, real_roots, resultant
 from synth.phase import Floats
 
 _WIDTH = Fraction(1, 1 << 70)  # of a root's bracket
@@ -32,6 +36,12 @@ _LARGEST_SHARE = Fraction(12072, 10000)  # of A^2/4: (g, g) lies within a circle
 _ALIKE = 1e-9  # solutions nearer than this share of their size are one
 _SETTLED, _ROUNDED = 1e-13, 1e-7  # of a step: small enough; small enough if it no longer shrinks
 _LEAST = 1e-300
+
+Conic = tuple[Any, Any, Any, Any, Any, Any]
+"""Coefficients of x^2, x y, y^2, x, y, 1: fractions, or polynomials with rational coefficients."""
+
+_TERMS = ((2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2))
+"""Powers of x, y, z in the same order, z making the forms homogeneous."""
 
 
 class Regime(NamedTuple):
@@ -110,6 +120,11 @@ def _folded(angle: float) -> float:
     return turned if turned > -0.5 * math.pi else 0.5 * math.pi
 
 
+def _rational(value: Fraction) -> Any:
+    """A fraction as a number that goes with polynomials."""
+    return fmpq(value.numerator, value.denominator)
+
+
 class _Equations:
     """The three conics of one pair of clocks."""
 
@@ -128,7 +143,7 @@ class _Equations:
         high = min((1 + reach + self._arc * _LARGEST_SHARE) / tuning - 1 for tuning in self._tuning)
         return max(low, Fraction(-1)), high
 
-    def conics(self, beta: Any, number: Callable[[Fraction], Any] = rational) -> list[Conic]:
+    def conics(self, beta: Any, number: Callable[[Fraction], Any] = _rational) -> list[Conic]:
         """The first two equations less s, and beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
         feed, arc, half, none = (number(each) for each in (self._feed, self._arc, self._coupling / 2, Fraction(0)))
         one, two = ((1 + beta) * number(tuning) - 1 - arc for tuning in self._tuning)
@@ -216,3 +231,70 @@ class _Equations:
         """The beam at rest, clocks alike a quarter of a swing apart, each as if it were alone: A = 2, E = 0."""
         beta = float((1 + self._arc) / self._tuning[0] - 1)
         return Regime(beta, 0.0, (0.25 * math.pi, -0.25 * math.pi), (2.0, 2.0))
+
+
+def real_roots(values: Sequence[Fraction], low: Fraction, high: Fraction, width: Fraction) -> list[Fraction]:
+    """Different real roots in [low, high], increasing, of a polynomial with these coefficients, lowest power first.
+
+    Each is the middle of an interval no wider than `width` that holds it and no other; a root nearer to an end than
+    half of that may be given too. `ValueError` if the polynomial is zero everywhere.
+
+    Examples
+    --------
+    (x^2 - 2)(x - 1)^2: the double root is one.
+
+    >>> roots = real_roots([Fraction(c) for c in (-2, 4, -1, -2, 1)], Fraction(0), Fraction(2), Fraction(1, 10**9))
+    >>> [round(float(root), 6) for root in roots]
+    [1.0, 1.414214]
+    """
+    scale = math.lcm(*(each.denominator for each in values))
+    polynomial: Any = fmpz_poly([int(each * scale) for each in values])
+    if polynomial == 0:
+        raise ValueError("the polynomial is zero everywhere")
+    digits = ctx.prec
+    try:
+        while True:
+            real = [root.real for root, _ in polynomial.complex_roots() if root.imag == 0]
+            balls = [(_fraction(each.mid()), _fraction(each.rad())) for each in real]
+            inside = [each for each in balls if low <= sum(each) and each[0] - each[1] <= high]
+            if all(2 * radius <= width for _, radius in inside):
+                return sorted(middle for middle, _ in inside)
+            ctx.prec *= 2
+    finally:
+        ctx.prec = digits
+
+
+def _fraction(number: Any) -> Fraction:
+    mantissa, exponent = number.man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def resultant(conics: Callable[[Any], Sequence[Conic]]) -> list[Fraction]:
+    """Coefficients, lowest power first, of the polynomial of one unknown that is zero if and only if three conics have
+    a point in common, real or not, finite or not; `conics` gives the three from the unknown.
+    """
+    ring = fmpq_mpoly_ctx.get(["x", "y", "z", "unknown"], Ordering.lex)
+    terms = [ring.from_dict({(*term, 0): 1}) for term in _TERMS]
+    forms = []
+    for conic in conics(ring.gens()[3]):
+        numbers = [_rational(each) if isinstance(each, Fraction) else each for each in conic]
+        forms.append(sum(term * each for term, each in zip(terms, numbers, strict=True)))
+    jacobian = _determinant([[form.derivative(axis) for axis in range(3)] for form in forms])
+    forms += [jacobian.derivative(axis) for axis in range(3)]
+    rows = [
+        [ring.from_dict({key: value for key, value in form.to_dict().items() if key[:3] == term}) for term in _TERMS]
+        for form in forms
+    ]
+    # every product of the expansion holds each term once: together x^4 y^4 z^4
+    by_power = {key[3]: Fraction(int(value.p), int(value.q)) for key, value in _determinant(rows).to_dict().items()}
+    return [by_power.get(power, Fraction(0)) for power in range(max(by_power, default=0) + 1)]
+
+
+def _determinant(rows: list[list[Any]]) -> Any:
+    """By expansion: 6 x 6 at most."""
+    if not rows:
+        return 1
+    minors = ([row[:k] + row[k + 1 :] for row in rows[1:]] for k in range(len(rows)))
+    return sum(
+        (-1) ** k * value * _determinant(minor) for k, (value, minor) in enumerate(zip(rows[0], minors, strict=True))
+    )

@@ -18,7 +18,6 @@ import math
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -29,22 +28,13 @@ from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation_march import ORDERS, ROUGH, Level, Nodes, march
 from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
 from synth.integrators.trajectory import Trajectory, checked, difference, reason, spread
+from synth.kernels import collocation as core
 from synth.kernels.collocation import NODES
-from synth.kernels.collocation_weights import (
-    FINE,
-    aligned,
-    barycentric,
-    continuation,
-    gauss_nodes,
-    legendre_tail,
-    weights,
-)
 from synth.phase import Floats, Integers
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
 from synth.systems.terms import apart
-from synth.systems.yielding import ElasticBeam, FlexibleFrame
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes
 
 SYSTEMS = (ElasticBeam, ReducedBeam, FlexibleFrame, Metronomes)  # types of systems that can be collocated
 
@@ -94,7 +84,7 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
         every = np.union1d(instants, np.linspace(instants[0], instants[-1], _CHECKS)[:-1])
     some = np.unique((spread(_MOST_CHECKS) * every.size).astype(np.int64)) if every.size > _MOST_CHECKS else slice(None)
     _check_collocates(system)
-    problem = Problem.of(system)
+    problem = Problem(system)
     local = _local_tolerance(tolerance, instants, problem.longest)
     states, result = run(problem, first, every, _limits_for(local))
     error, counts = math.inf, np.zeros(3, dtype=np.int64)
@@ -141,29 +131,13 @@ def integrate_ensemble(
 ) -> Floats:
     """Integrate many members to the same times; their states, (members, k, n).
 
-    Parameters
-    ----------
-    systems : sequence of NamedTuples
-        One a member, all of one type; as for `integrate`.
-    starts : (members, n) array
-        States at the first of `times`.
-    times : (k,) array
-        Increasing, s.
-    tolerance : float
-        Error wanted, relative to the size of each component. It is not estimated here: integrate a member alone.
-    workers : int, optional
-        Threads; by default one a processor.
-
-    Raises
-    ------
-    RefusedError
-        As `integrate`; the first member that is refused stops all.
-    UsageError
-        Arguments that cannot be meant.
+    Systems are one a member, all of one type, `starts` (members, n); all else is as for `integrate`, but that the error
+    is not estimated: integrate a member alone. There are so many threads as `workers`, by default one a processor. The
+    first member that is refused stops all.
 
     Examples
     --------
-    >>> from synth.systems.metronomes import Metronomes
+    >>> from synth.systems.yielding import Metronomes
     >>> pairs = [Metronomes(np.array([6.0, 6.1]), 0.01), Metronomes(np.array([6.0, 6.2]), 0.02)]
     >>> integrate_ensemble(pairs, [[0.1, 0.0, 0.0, 0.0]] * 2, [0.0, 0.5, 1.0]).shape
     (2, 3, 4)
@@ -176,14 +150,14 @@ def integrate_ensemble(
         raise UsageError(f"{len(systems)} systems and {len(states)} starts: give one finite start a member")
     _check_collocates(systems[0])
     carried = [_rounded(system) for system in systems]
-    pilot = Problem.of(systems[0], carried[0])
+    pilot = Problem(systems[0], carried[0])
     longest = pilot.longest
     limits = _limits_for(_local_tolerance(tolerance, instants, longest))
     depth = chosen(pilot, first, float(instants[0]), limits)
     result = np.empty((len(states), instants.size, first.size))
 
     def member(index: int) -> None:
-        problem = Problem.of(systems[index], carried[index], longest)
+        problem = Problem(systems[index], carried[index], longest)
         run(problem, states[index], instants, limits, depth=depth, out=result[index])
 
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -200,25 +174,18 @@ def _rounded(system: Any) -> tuple[Floats, Floats]:
     return rounded[:, 0].copy(), rounded[:, 1].copy()
 
 
-@dataclass(frozen=True)
 class Problem:
-    """A system with the linear part that is carried exactly."""
+    """A system with the linear part that is carried exactly: its own, or another near it."""
 
-    system: Any
-    square: Floats
-    loss: Floats  # (components,) of the linear part carried, 1/s^2 and 1/s
-    excess: Floats  # (components, 2) what these have more than the system's own
-    mirror: Floats  # (components,) what half a swing does to the remainder, 1 or -1
-    longest: float  # length of the longest intervals to try, s: half a swing
-
-    @classmethod
-    def of(cls, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> Problem:
-        """With the system's own linear part, or another near it; intervals of its own, or given."""
-        parts = linear_part(system)
+    def __init__(self, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> None:
+        self.system, parts = system, linear_part(system)
         square, loss = carried or tuple(np.array(parts, dtype=np.float64).T.copy())
+        self.square, self.loss = square, loss  # (components,) of the linear part carried, 1/s^2 and 1/s
+        self.excess = excess_of(parts, square, loss)  # (components, 2) what these have more than the system's own
+        self.mirror = mirror_of(system, len(parts))  # (components,) what half a swing does to the remainder, 1 or -1
         swings = square[system.first_angle // 2 :]
         half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
-        return cls(system, square, loss, excess_of(parts, square, loss), mirror_of(system, len(parts)), longest or half)
+        self.longest = longest or half  # length of the longest intervals to try, s
 
     def shallowest(self, ladder: Ladder) -> int:
         """Depth of the longest intervals in which no component turns further than the weights are exact for."""
@@ -235,7 +202,9 @@ class Problem:
     def level(self, depth: int, ladder: Ladder) -> Level:
         """Intervals so many steps down a ladder; two steps halve them."""
         part = ladder[depth % 2] / (1 << (depth // 2))
-        interval, repeats = _exact(self.longest * part.numerator / part.denominator), part.denominator <= _LONGEST_LAG
+        mantissa, exponent = math.frexp(self.longest * part.numerator / part.denominator)
+        interval = math.ldexp(round(mantissa * 65536), exponent - 16)  # of 16 bits: its multiples are exact
+        repeats = part.denominator <= _LONGEST_LAG
         mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
         packed = _packed(interval, *zip(self.square.tolist(), self.loss.tolist(), strict=True))
         return Level(interval, part.denominator if repeats else 1, mirror, *packed)
@@ -252,15 +221,15 @@ class Run:
         state[:, 0], state[:, 2] = start[0::2], start[1::2]
         swing = np.divide(state[:, 2], frequency, out=np.zeros_like(frequency), where=frequency > 0.0)
         components, amplitude = len(state), state[:, 0] ** 2 + swing**2
-        known, room, (position, rate) = (aligned(np.zeros((2, components, NODES))) for _ in range(3))
-        base, memory = aligned(np.zeros((components, 2 * NODES))), np.empty((0, ORDERS, components, NODES))
+        known, room, (position, rate) = (core.aligned(np.zeros((2, components, NODES))) for _ in range(3))
+        base, memory = core.aligned(np.zeros((components, 2 * NODES))), np.empty((0, ORDERS, components, NODES))
         self.work = Work(state, amplitude, problem.excess, memory, known, room, base, position, rate)
 
     def go(self, level: Level, count: int, times: Floats, states: Floats) -> bool:
         """March `count` intervals, or as many as can be done; whether all were."""
         system, memory = self.problem.system, self.work.memory
         if len(memory) != level.lag:
-            self.work = self.work._replace(memory=aligned(np.zeros((level.lag, *memory.shape[1:]))))
+            self.work = self.work._replace(memory=core.aligned(np.zeros((level.lag, *memory.shape[1:]))))
         ship = getattr(system, "horizontal", None), getattr(system, "vertical", None)
         limits = self.limits[0] ** 2, self.limits[1] ** 2
         done = march(system, *ship, level, _nodes(), self.work, limits, self.time, count, times, states, self.report)
@@ -292,18 +261,9 @@ def run(
 ) -> tuple[Floats, Run]:  # fmt: skip
     """States (k, n) at the increasing times, the first that of the start, and the run that gave them.
 
-    `RefusedError` where no interval is short enough.
-
-    Parameters
-    ----------
-    limits : (float, float)
-        What iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes.
-    ladder : Ladder
-        Lengths to go through.
-    depth : int, optional
-        Of the intervals to begin with; by default tried out.
-    out : (k, n), optional
-        Receives the states.
+    `limits` are what iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes; `depth`
+    is that of the first intervals, by default tried out; `out` receives the states. `RefusedError` where no interval is
+    short enough.
     """
     states = np.empty((times.size, start.size)) if out is None else out
     begin = float(times[0])
@@ -325,33 +285,24 @@ def run(
             here.rejected += 1
             here.forget()
             if depth == _MOST_LEVELS:
-                raise _refused(here, level)
+                rough = here.report[3] == ROUGH
+                seen = "the nodes do not resolve the motion" if rough else "the iteration does not settle"
+                seen += f" even in intervals of {level.interval:.3g}; use the propagator radau or explicit"
+                why = reason(problem.system, here.work.state[:, [0, 2]].ravel(), seen)
+                raise RefusedError(f"collocation, {type(problem.system).__name__} at t = {here.time:.6g}: {why}")
     return states, here
-
-
-def _refused(here: Run, level: Level) -> RefusedError:
-    system = here.problem.system
-    rough = "the nodes do not resolve the motion" if here.report[3] == ROUGH else "the iteration does not settle"
-    seen = f"{rough} even in intervals of {level.interval:.3g}; use the propagator radau or explicit"
-    why = reason(system, here.work.state[:, [0, 2]].ravel(), seen)
-    return RefusedError(f"collocation, {type(system).__name__} at t = {here.time:.6g}: {why}")
 
 
 @functools.cache
 def _nodes() -> Nodes:
-    points, shares = barycentric()
-    continued, tail = aligned(continuation().T.reshape(1, -1)), aligned(legendre_tail()[None, :])
-    middle = aligned(points[1:-1]), aligned(shares[1:-1]), (float(shares[0]), float(shares[-1]))
-    return Nodes((gauss_nodes() / FINE + 1.0) / 2.0, tail, continued, *middle)
+    points, shares = core.barycentric()
+    continued, tail = core.aligned(core.continuation().T.reshape(1, -1)), core.aligned(core.legendre_tail()[None, :])
+    middle = core.aligned(points[1:-1]), core.aligned(shares[1:-1]), (float(shares[0]), float(shares[-1]))
+    return Nodes((core.gauss_nodes() / core.FINE + 1.0) / 2.0, tail, continued, *middle)
 
 
 @functools.lru_cache(maxsize=256)
 def _packed(interval: float, *parts: tuple[float, float]) -> list[Floats]:
     """Weights of all components, from square and loss of each."""
-    return [aligned(np.array(column)) for column in zip(*(weights(*each, interval) for each in parts), strict=True)]
-
-
-def _exact(interval: float) -> float:
-    """The interval with 16 bits, so that its multiples are exact."""
-    mantissa, exponent = math.frexp(interval)
-    return math.ldexp(round(mantissa * 65536), exponent - 16)
+    columns = zip(*(core.weights(*each, interval) for each in parts), strict=True)
+    return [core.aligned(np.array(column)) for column in columns]

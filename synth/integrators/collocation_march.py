@@ -1,8 +1,8 @@
 """Exponential collocation through coupled oscillators, interval by interval.
 
 What the systems' remainder and the exact linear flow ask of each other at 16 Gauss nodes is iterated until a further
-turn would change nothing, from a guess that is good where the motion repeats itself. States are sums of two doubles; inside
-an interval they are read from the polynomial through its start, nodes and end.
+turn would change nothing. States are sums of two doubles; inside an interval they are read from the polynomial through
+its start, nodes and end.
 
 First guesses come from what the remainder was before. Clocks repeat themselves: half a swing later the remainder at the
 same nodes is nearly the same but for its sign, and so is the way in which it changes. Backward differences over half
@@ -67,20 +67,9 @@ def march(
 ) -> int:  # fmt: skip
     """Integrate through `count` intervals from `begin` (s) and fill `states` (k, n) at those `times` (k,) inside.
 
-    Parameters
-    ----------
-    horizontal, vertical : motion term or None
-        Of the ship.
-    limits : (float, float)
-        Squares: change of a position, relative to its size, that does not matter; what r beyond its last Legendre
-        term may cost.
-    report : (5,) int64
-        Readings filled so far, turns, intervals done (all raised), why it ended, and the guess in use.
-
-    Returns
-    -------
-    int
-        Number of intervals done.
+    `limits` are squares: change of a position, relative to its size, that does not matter; what r beyond its last
+    Legendre term may cost. The `report` (5,) holds readings filled so far, turns, intervals done (all raised), why it
+    ended, and the guess in use. Horizontal and vertical motion of the ship may be None. Returned is how many were done.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
     state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known

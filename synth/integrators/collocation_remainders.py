@@ -23,10 +23,9 @@ from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, positive, store, wide
 from synth.phase import Floats
 from synth.systems.dispatch import or_none, registered, taken_in
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, lever, own_mass, pushed
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, own_mass, pushed
 
 Exact = list[tuple[Fraction, Fraction]]
 

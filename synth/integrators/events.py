@@ -46,18 +46,7 @@ def escapement(
 ) -> Escapement:
     """Kick pendulums when they pass an angle; arguments are broadcast, a pendulum may have several kicks.
 
-    Parameters
-    ----------
-    system : NamedTuple
-    pendulum : array of int
-        Number of the pendulum, from 0.
-    angle : array
-        Crossing angle, rad.
-    energy : array
-        What a kick adds to the energy of the whole system: J, or per m l^2 (rad^2/s^2) where the system has no
-        masses. Not negative.
-    direction : array of int
-        +1 rising, -1 falling, 0 both ways.
+    See `Escapement` for their meaning; `energy` is what a kick adds to that of the whole system.
     """
     number, way = (np.asarray(each, dtype=np.int64) for each in (pendulum, direction))
     level, given = (np.asarray(each, dtype=np.float64) for each in (angle, energy))
@@ -206,8 +195,7 @@ def first_crossing(coefficients: Floats, lefts: Floats, before: int, direction: 
     """Share of the first crossing in `direction` (+1 rising, -1 falling, 0 either), or 2.0 for none.
 
     Row 0 of `coefficients` (60, 8) holds the polynomial and is used up; the other rows and `lefts` (60, 2: left end and
-    width of each row's interval) are working space. `before` is the sign of the polynomial just before the interval,
-    for a start at zero exactly.
+    width of each row's interval) are working space. `before` is the sign just before the interval, for a start at zero.
     """
     lefts[0, 0], lefts[0, 1] = 0.0, 1.0
     row, last = 0, before

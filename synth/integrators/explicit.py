@@ -55,18 +55,12 @@ def integrate(
 ) -> Trajectory:
     """Integrate a system and return its states at `times`; see `trajectory`.
 
-    Parameters
-    ----------
-    event : Escapement, optional
-        Kicks to give; the motion restarts after each. Crossings are found on the dense polynomial by a method that
-        cannot miss one (`events`), the step is then made anew up to the crossing, and the rest removed along
-        the tangent: instants are as good as the states.
+    After each kick of the `event` the motion restarts. Crossings are found on the dense polynomial by a method that
+    cannot miss one (`events`), the step is then made anew up to the crossing, and the rest removed along the tangent:
+    instants are as good as the states.
 
-    Raises
-    ------
-    RefusedError
-        Stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the tolerance does
-        not decide whether the escapement fires.
+    `RefusedError`: stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the
+    tolerance does not decide whether the escapement fires.
 
     Examples
     --------

@@ -11,21 +11,8 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from synth.integrators import explicit_step as stepping
 from synth.integrators.events import Escapement, Memory, begin, locate, memory, miss, strike
-from synth.integrators.explicit_step import (
-    Space,
-    add,
-    allow,
-    attempt,
-    between,
-    dense,
-    expect,
-    first_step,
-    is_finite,
-    is_stiff,
-    local_error,
-    noise,
-)  # fmt: skip
 from synth.integrators.trajectory import reason
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers
@@ -51,31 +38,16 @@ def march(
 ) -> tuple[int, float, Floats, Floats, Integers]:  # fmt: skip
     """Integrate from `start` (n,) over increasing `times` (k,) and fill `states` (k, n) there.
 
-    Parameters
-    ----------
-    event, memory : NamedTuple or None
-        `Escapement`, with its memory; None compiles to nothing.
-    tolerance : float
-        Local error allowed, relative to `scale`.
-    patience : int
-        Steps at the edge of stability after which the motion counts as stiff; `STIFF_STEPS`, or many.
-    amiss : float
-        Put to the state at each step, relative, up or down by chance: 0, or much more than rounding to see what the
-        motion makes of it.
-    scale : (n,) array
-        Receives the largest size of each component.
-    counts : (3,) integer array
-        Receives steps, rejected steps, evaluations.
+    `scale` (n,) receives the largest size of each component, `counts` (3,) steps, rejected steps and evaluations. The
+    `tolerance` is the local error allowed, relative to `scale`; `patience` the steps at the edge of stability after
+    which the motion counts as stiff; `amiss` is put to the state at each step, relative, up or down by chance: 0, or
+    much more than rounding to see what the motion makes of it. Without `event` (and its memory) kicks compile to
+    nothing.
 
-    Returns
-    -------
-    status, time, state
-        DONE, or why it ended before; how far it came.
-    moments, which
-        Times of the kicks, and the number of each.
+    Returned are DONE or why it ended before, time and state then, times of the kicks, and the number of each.
     """
     n, end = start.size, times[-1]
-    space = Space(
+    space = stepping.Space(
         start.copy(), np.zeros(n), start.copy(), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros(n), np.zeros(n), scale, np.zeros((16, n)), np.zeros((7, n)),
     )  # fmt: skip
@@ -84,20 +56,20 @@ def march(
     time, time_low, step = times[0], 0.0, 0.0
     derivative(time, start, system, slope)
     counts[EVALUATIONS] = 2
-    if not (is_finite(slope) and is_finite(start)):
+    if not (stepping.is_finite(slope) and stepping.is_finite(start)):
         return NOT_FINITE, time, state, moments[:0], which[:0]
-    aside = _ASIDE * first_step(start, slope, np.ones(n), 1.0, end - time)
+    aside = _ASIDE * stepping.first_step(start, slope, np.ones(n), 1.0, end - time)
     for i in range(n):
         space.point[i] = start[i] + aside * slope[i]
     derivative(time + aside, space.point, system, spare)
     for i in range(n):
         spare[i] = (spare[i] - slope[i]) / aside if aside > 0.0 else 0.0
-    expect(start, slope, spare, space.expected)
+    stepping.expect(start, slope, spare, space.expected)
     for i in range(n):
         scale[i] = abs(start[i])
     begin(event, memory, start)
-    allow(tolerance, space)
-    proposed = first_step(start, slope, space.allowed, tolerance, end - time)
+    stepping.allow(tolerance, space)
+    proposed = stepping.first_step(start, slope, space.allowed, tolerance, end - time)
     # the step in hand is of no length, and ends at the start
     error, share, ready, final, halted = _AVERAGE, 2.0, True, False, False
     shortest = 4e-16 * max(abs(time), abs(end))
@@ -106,12 +78,12 @@ def march(
         reached = time + (time_low + step)
         while written < times.size and (final or times[written] <= reached):
             if not ready:
-                dense(time + time_low, step, space, system)
+                stepping.dense(time + time_low, step, space, system)
                 counts[EVALUATIONS] += 3
                 ready = True
             part = min(1.0, ((times[written] - time) - time_low) / step) if step > 0.0 else 1.0
             for i in range(n):
-                states[written, i] = between(part, space, i)
+                states[written, i] = stepping.between(part, space, i)
             written += 1
         if written == times.size:
             break
@@ -135,10 +107,10 @@ def march(
         shaken = amiss if share > 1.0 else 0.0  # a state put on a level stays there, lest it cross again
         for i in range(n):
             state[i] = following[i]
-            space.low[i] = space.left_over[i] + shaken * noise(counts[STEPS], i) * following[i]
+            space.low[i] = space.left_over[i] + shaken * stepping.noise(counts[STEPS], i) * following[i]
             space.k[0, i] = slope[i]
             scale[i] = max(scale[i], abs(state[i]))
-        allow(tolerance, space)
+        stepping.allow(tolerance, space)
         step, growth, error_before = proposed, _LARGEST_GROWTH, max(error, 1e-8)
         while status == DONE:
             stop = halt(kicks_of(system), kicks, end)
@@ -148,14 +120,14 @@ def march(
                 step = left
             halted = final and stop < end
             final = final and not halted
-            attempt(time + time_low, step, space, system)
+            stepping.attempt(time + time_low, step, space, system)
             counts[EVALUATIONS] += 11
-            error = local_error(step, space)
+            error = stepping.local_error(step, space)
             if error <= 1.0:
-                add(space)
+                stepping.add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 1
-                if is_finite(slope):
+                if stepping.is_finite(slope):
                     break
                 error = np.nan
             counts[REJECTED] += 1
@@ -166,7 +138,7 @@ def march(
         if status != DONE:
             break
         counts[STEPS] += 1
-        if is_stiff(step, space):
+        if stepping.is_stiff(step, space):
             stiff, calm = stiff + 1, 0
         else:
             calm += 1
@@ -178,7 +150,7 @@ def march(
         proposed = step * min(growth, max(0.2, factor))
         ready, share = False, 2.0
         if event is not None:
-            dense(time + time_low, step, space, system)
+            stepping.dense(time + time_low, step, space, system)
             counts[EVALUATIONS] += 3
             ready = True
             share = locate(event, memory, space)
@@ -186,8 +158,8 @@ def march(
                 step *= share
                 final = halted = False
                 ready = False
-                attempt(time + time_low, step, space, system)
-                add(space)
+                stepping.attempt(time + time_low, step, space, system)
+                stepping.add(space)
                 derivative(time + (time_low + step), following, system, slope)
                 counts[EVALUATIONS] += 12
                 component, lack = miss(event, memory, share, space)
@@ -196,7 +168,7 @@ def march(
                     step += late
                     for i in range(n):
                         space.increment[i] += late * slope[i]
-                    add(space)
+                    stepping.add(space)
     return status, time, state, moments[:noted], which[:noted]
 
 
@@ -223,14 +195,11 @@ class Run:
         self.times, self.tolerance = times, tolerance
         self.states: Floats = np.empty((times.size, start.size))
         self.events: Memory | None = memory(event, start.size)
-        self.scale: Floats = np.zeros(start.size)
-        """(n,) largest size of each component."""
-        self.counts: Integers = np.zeros(3, dtype=np.int64)
-        """Steps, rejected steps, evaluations."""
+        self.scale: Floats = np.zeros(start.size)  # (n,) largest size of each component
+        self.counts: Integers = np.zeros(3, dtype=np.int64)  # steps, rejected steps, evaluations
         status, time, state, *self.happenings = march(
             system, event, self.events, start, times, tolerance, patience, amiss, self.states, self.scale, self.counts
         )
-        """Times of the kicks, and the number of each."""
         if status != DONE:
             kind = StiffError if status == TOO_STIFF else RefusedError
             why = reason(system, state, _REASONS[status])

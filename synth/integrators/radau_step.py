@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.integrators.radau_linear import address, factor, factor_pair, solve, solve_pair
-from synth.integrators.radau_tables import FIVE, SEVEN, THREE
+from synth.integrators.radau_newton import FIVE, SEVEN, THREE, address, factor, factor_pair, solve, solve_pair
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.systems.dispatch import derivative
 
@@ -60,7 +59,7 @@ class Space(NamedTuple):
     g: Any  # (s, n) amplitudes of a correction, in eigenvectors
     polynomial: Any  # (s + 1, n) divided differences of the increments
     stack: Any  # (s, n, n) factored matrices,
-    exchanges: Any  # (s, n) and their exchanges of rows, see `radau_linear`
+    exchanges: Any  # (s, n) and their exchanges of rows, see `radau_newton`
     point: Any  # (n,) each
     other: Any
     spare: Any
@@ -152,20 +151,10 @@ def collocate(
 ) -> tuple[int, int, float]:
     """Solve one step: `work.z` holds a first guess of the increments, the solution on return.
 
-    Parameters
-    ----------
-    time, step : float
-    goal : float
-        Remainder of the iteration to reach, relative to the sizes.
-    count, size : tuples of length s and n
-    work : Space
-        Addresses. Inverse sizes are lowered where a component turns out larger.
-    system : NamedTuple
+    The `goal` is what the iteration may leave, relative to the sizes, whose inverses are lowered where a component turns
+    out larger; `count` and `size` are tuples of length s and n; `work` holds addresses.
 
-    Returns
-    -------
-    outcome, corrections, contraction
-        SOLVED, DIVERGED or NOT_FINITE; contraction -1 where one correction was enough.
+    Returned are SOLVED, DIVERGED or NOT_FINITE, the corrections made, and the contraction, -1 where one was enough.
     """
     if not _prepare(step, count, size, work):
         return NOT_FINITE, 0, 1.0

@@ -1,4 +1,14 @@
-"""What all exponential collocation shares: sines of eight angles, turns of the iteration, the end of an interval.
+r"""What all exponential collocation shares: weights of an interval, sines of eight angles, the end of an interval.
+
+Over one interval of length h each component obeys, with its linear part taken out,
+
+    y'' + loss y' + square y = r(t),      r known at the Gauss nodes t_k,    r(t) = sum r_k l_k(t)   (Lagrange)
+    y(t)  = (K' + loss K)(t) y(0) + K(t) y'(0)  + sum_k r_k integral_0^t K(t - s)  l_k(s) ds
+    y'(t) = -square K(t) y(0)     + K'(t) y'(0) + sum_k r_k integral_0^t K'(t - s) l_k(s) ds
+
+with K'' + loss K' + square K = 0, K(0) = 0, K'(0) = 1. Integrals are Gauss sums, those to the end in long doubles. The
+propagator over a whole interval comes from ball arithmetic of 192 bits: its rounded entries alone would cost 1e-12 in
+an hour; it and the weights of the end, whose errors repeat in every interval, are kept as sums of two doubles.
 
 States are sums of two doubles, (components, 4): position and rate, each as leading double and rest. The remainder at
 the nodes is `known` (2, components, NODES): that of this turn, `known[now]`, and of the turn before.
@@ -6,20 +16,194 @@ the nodes is `known` (2, components, NODES): that of this turn, `known[now]`, an
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+import math
+import threading
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import acb, arb, ctx, fmpq
+from numpy.typing import NDArray
 
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, total
-from synth.phase import Floats
+from synth.phase import Floats, Integers
+
+Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
 
 NODES = 16  # Gauss nodes of an interval
-
 POINTS = NODES + 2  # start, nodes and end of an interval
+FINE = 1 << 40  # nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point
 
+_BITS = 192
+_ALONE = threading.Lock()  # the precision of balls is one for all threads
+_QUADRATURE = 28  # exact for r times the 40th power of time: K over 5 rad to 1e-20
 _SPLIT = 134217729.0  # 2^27 + 1
 _ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding and subtracting it rounds to a whole number
 _PI = (3.141592653589793116, 1.2246467991473532072e-16)
 _INVERSE_PI = 0.3183098861837906715
+
+
+class Weights(NamedTuple):
+    """What an interval needs, for one component."""
+
+    flow: Floats
+    """(4 * NODES,) free motion at the nodes: position by start position, position by start rate, rate by start
+    position, rate by start rate."""
+    inner: Floats
+    """(2 * NODES * NODES,) position, then rate, at the nodes (fast index) for the remainder there (slow index)."""
+    end: Floats
+    """(4 * NODES,) position and rate at the end for the remainder at the nodes; then what rounding left of them, for
+    the same error in every interval would add up to a drift of the energy."""
+    propagator: Floats
+    """(16,) entries (position, position), (position, rate), (rate, position), (rate, rate), each as head and tail of
+    its leading double, for exact products, that double, and what is left."""
+    reach: float  # what a change of r over the interval is worth in the position, s^2
+
+
+@functools.lru_cache(maxsize=1024)
+def weights(
+    square: float | Fraction, loss: float | Fraction, interval: float | Fraction, unit: Fraction = Fraction(1)
+) -> Weights:
+    """Weights for one component (1/s^2 and 1/s) and one length of interval (s), taken as the numbers they are.
+
+    Rates count in units of `unit`, in 1/s, and remainders in units of its square.
+    """
+    places, points, lagrange, basis = _quadrature()
+    length, scale, lost = float(interval), float(unit), float(loss)
+    roots = np.float64(square - loss * loss / 4), np.float64(loss / 2)
+    own, slope = _kernel(*roots, length * places)
+    inside = np.stack(_kernel(*roots, length * points))  # (2, place, quadrature)
+    inner = (inside[:, :, None, :] @ basis)[:, :, 0].transpose(0, 2, 1) * length  # (2, node, place)
+    inner *= np.array([scale * scale, scale])[:, None, None]
+    flow = np.stack([slope + lost * own, scale * own, -float(square / unit) * own, slope])
+    with _ALONE, ctx.workprec(_BITS):
+        balls = [arb(fmpq(*each.as_integer_ratio())) for each in (square, loss, interval, unit)]
+        exact = _propagator(*balls)
+        long_square, long_loss, long, long_unit = (_long(each) for each in balls)
+    final = _kernel(long_square - long_loss * long_loss / 4, long_loss / 2, long * lagrange[0])
+    units = long_unit * long_unit, long_unit
+    last = np.stack([each @ lagrange[1] * size for each, size in zip(final, units, strict=True)]) * long
+    leading = last.astype(np.float64)
+    end = np.concatenate([leading, (last - leading).astype(np.float64)])
+    worth = length * min(length / 2, 1.0 / max(math.sqrt(abs(float(square))), 1e-300))
+    return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
+
+
+def aligned(values: Floats) -> Floats:
+    """A contiguous copy that begins at a cache line: loads of eight doubles then touch one line each."""
+    room = np.empty(values.size + 8)
+    skip = -(room.ctypes.data // 8) % 8
+    result = room[skip : skip + values.size].reshape(values.shape)
+    result[...] = values
+    return result
+
+
+@functools.cache
+def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
+    """Nodes in intervals; times left from the quadrature points before each; the same for the end, in long doubles,
+    with weight times l_k there; weight times l_k at all nodes, (node, point, k)."""
+    nodes = np.longdouble(0.5) + gauss_nodes().astype(np.longdouble) / (2 * FINE)
+    places = np.append(nodes, np.longdouble(1.0))
+    abscissa, share = _gauss()
+    points = places[:, None] * abscissa
+    distance = points[:, :, None] - nodes
+    rest = [np.delete(distance, k, axis=2) / (nodes[k] - np.delete(nodes, k)) for k in range(NODES)]
+    basis = np.stack([each.prod(axis=2) for each in rest], axis=2) * (places[:, None] * share)[:, :, None]
+    left = places[:, None] - points
+    inside, times, weighted = (each[:NODES].astype(np.float64) for each in (places, left, basis))
+    return inside, times, (left[NODES], basis[NODES]), weighted
+
+
+def _long(ball: Any) -> Any:
+    """The number as a long double."""
+    leading = float(ball)
+    return np.longdouble(leading) + np.longdouble(float(ball - leading))
+
+
+def _gauss() -> tuple[Longs, Longs]:
+    """Gauss-Legendre rule on [0, 1] in long doubles."""
+    with _ALONE, ctx.workprec(_BITS):
+        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
+        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
+    return np.longdouble(0.5) + abscissa, share
+
+
+def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
+    """K and K' at times of any shape, in the precision of the arguments.
+
+    `own` is the square of the damped frequency, of either sign; `half` is half the loss.
+    """
+    root = np.sqrt(abs(own))
+    turn = root * time
+    sine, cosine = (np.sin(turn), np.cos(turn)) if own >= 0.0 else (np.sinh(turn), np.cosh(turn))
+    sine = np.where(turn < 1e-5, time * (1 - own * time * time / 6), sine / (root if root > 0 else 1))
+    if half:
+        fade = np.exp(-half * time)
+        sine, cosine = sine * fade, cosine * fade
+    return sine, cosine - half * sine
+
+
+def _propagator(square: Any, loss: Any, interval: Any, unit: Any) -> list[float]:
+    """Entries over one interval, right to 2^-106: of each its leading double in two halves and whole, and the rest."""
+    half = loss / 2
+    turn = acb(square - half * half).sqrt() * interval
+    fade = (-half * interval).exp()
+    own = fade * interval * turn.sinc().real
+    slope = fade * turn.cos().real - half * own
+    parts = []
+    for entry in (slope + loss * own, unit * own, -square / unit * own, slope):
+        leading = float(entry)
+        head = leading * _SPLIT - (leading * _SPLIT - leading)
+        parts += [head, leading - head, leading, float(entry - leading)]
+    return parts
+
+
+@functools.cache
+def gauss_nodes() -> Integers:
+    """Gauss-Legendre nodes in units of 1/FINE, on (-FINE, FINE), increasing and even about zero."""
+    after = np.rint(np.polynomial.legendre.leggauss(NODES)[0][NODES // 2 :] * FINE).astype(np.int64)
+    return np.concatenate([-after[::-1], after])
+
+
+@functools.cache
+def barycentric() -> tuple[Floats, Floats]:
+    """Start, nodes and end of an interval on [-1, 1], (POINTS,), and their barycentric shares."""
+    points = np.concatenate([[-1.0], gauss_nodes() / FINE, [1.0]])
+    apart = points[:, None] - points
+    np.fill_diagonal(apart, 1.0)
+    return points, 1.0 / np.prod(2.0 * apart, axis=1)
+
+
+def interpolation(place: Floats) -> Floats:
+    """Rows (moments, POINTS) that give y at places (moments,) in an interval, 0 to 1, from its start, nodes and end."""
+    points, share = barycentric()
+    distance = (2.0 * np.asarray(place) - 1.0)[:, None] - points
+    exact = distance == 0.0
+    distance[exact] = 1.0
+    rows = np.where(exact.any(axis=1, keepdims=True), exact, share / distance)
+    rows /= rows.sum(axis=1, keepdims=True)
+    return rows
+
+
+@functools.cache
+def _projection() -> Floats:
+    """(degree, node): Legendre coefficients of a polynomial from its values."""
+    values = np.polynomial.legendre.legvander(gauss_nodes() / FINE, NODES - 1)
+    return np.asarray(np.linalg.inv(values), dtype=np.float64)
+
+
+def legendre_tail() -> Floats:
+    """Rows that give the last four Legendre coefficients of r from its nodes, flat (4 * NODES,)."""
+    return _projection()[-4:].ravel()
+
+
+@functools.cache
+def continuation() -> Floats:
+    """(node, node): r at the nodes of the next interval, from its polynomial in this one; good to five digits."""
+    beyond = np.polynomial.legendre.legvander(gauss_nodes() / FINE + 2.0, NODES - 1)
+    return np.asarray(beyond @ _projection())
 
 
 @kernel

@@ -1,11 +1,6 @@
-"""Exponential Picard collocation of pendulums, interval by interval.
+"""Exponential Picard collocation of pendulums, interval by interval; the equations stand in `propagators.picard`.
 
-The remainder is all that a pendulum has beyond y'' + 2 gamma y' + n^2 y = n^2 r, theta = steady + y:
-
-    r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive
-    r = -zeta theta - drive                                               where the law is linear
-
-In every interval the angle at the nodes and the remainder there are computed from each other in turn until they agree.
+In every interval the angle at the nodes and the remainder r there are computed from each other until they agree.
 Nothing is allocated in inner loops. Kernels of the remainder are odd in (theta, u, drive) to the last bit.
 """
 
@@ -36,7 +31,7 @@ class Forcing(NamedTuple):
 
 
 class Law(NamedTuple):
-    """What pendulums are in intervals of one length: `collocation_weights.Weights`, (pendulums, ...)."""
+    """What pendulums are in intervals of one length: `collocation.Weights`, (pendulums, ...)."""
 
     flow: Floats
     inner: Floats  # (pendulums, NODES * NODES) of the angle alone
@@ -52,28 +47,15 @@ def march(
     state: Floats, remainder: Floats, forcing: Forcing, law: Law, floor: Floats, stop: float, points: Floats,
     report: Floats,
 ) -> int:  # fmt: skip
-    """Carry pendulums through consecutive intervals.
+    """Carry pendulums through consecutive intervals; how many were done, fewer if iteration does not converge.
 
-    Parameters
-    ----------
-    state : (pendulums, 4)
-        y and y'/n, each as leading double and rest; moves on.
-    remainder : (pendulums, NODES)
-        r in the interval before, zero if unknown; moves on.
-    floor : (pendulums,)
-        Square of an angle below which agreement is not asked for in relation to y alone.
-    stop : float
-        Change of r, relative to the angle, from which an iteration is the last.
-    points : (pendulums, intervals or more, POINTS)
-        Receives y at start, nodes and end of every interval.
-    report : (pendulums, 5)
-        Squares: largest last and last but one pair of Legendre coefficients of r, sum of r, largest amplitude of y;
-        then the number of iterations. Raised, never reset.
+    `state` (pendulums, 4), y and y'/n each as leading double and rest, and `remainder` (pendulums, NODES), r in the
+    interval before or zero, move on. `floor` (pendulums,) is the square of an angle below which agreement is not asked
+    for in relation to y alone; `stop` the change of r, relative to the angle, from which an iteration is the last.
+    `points` (pendulums, intervals or more, POINTS) receives y at start, nodes and end of every interval.
 
-    Returns
-    -------
-    int
-        Number of intervals done; fewer than asked for if iteration does not converge.
+    `report` (pendulums, 5) holds squares: largest last and last but one pair of Legendre coefficients of r, sum of r,
+    largest amplitude of y; then the number of iterations. They are raised, never reset.
     """
     flow, inner, guess, end, propagator, tail, linear = law
     steady, vertical, horizontal, drive, impulses = forcing
@@ -165,7 +147,7 @@ def _note(tail: Floats, known: Floats, now: int, p: int, report: Floats) -> None
 def remainder_sine(
     theta: Floats, vertical: Floats, horizontal: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
 ) -> None:  # fmt: skip
-    """The pendulum itself, at any angle."""
+    """r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive: the pendulum itself, at any angle."""
     for j in range(0, NODES, LANES):
         sine, _, short, rise = turned(load(theta, (p, j)))
         pull = short - load(vertical, (i, j)) * sine + load(horizontal, (i, j)) * rise
@@ -176,7 +158,7 @@ def remainder_sine(
 def remainder_linear(
     theta: Floats, vertical: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
 ) -> None:  # fmt: skip
-    """The linear law, which the support's horizontal acceleration does not change."""
+    """r = -zeta theta - drive: the linear law, which the support's horizontal acceleration does not change."""
     for j in range(0, NODES, LANES):
         felt = load(vertical, (i, j)) * load(theta, (p, j))
         store(known, (now, p, j), -felt - load(drive, (i, j)))

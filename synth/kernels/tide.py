@@ -11,9 +11,8 @@ Algorithms (2nd ed. 1998), chapters 12, 25 and 47, without nutation. The permane
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from synth.phase import Floats
 
 YIELDING = 1.16
 MOON, SUN = 4.902801e12, 1.32712440e20  # G M, m3 s-2

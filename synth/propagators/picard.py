@@ -8,9 +8,8 @@ away from n, in closed form, and u_near stands for the others. What is left is s
     y'' + 2 gamma y' + n^2 y = n^2 r,   r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - u_near
 
 and is solved interval by interval: r is the polynomial through its values at Gauss nodes, its answer under the exact
-linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. A term that depends
-on theta' (a further damping) would be one more summand of r, with the angular velocity at the nodes from the same
-weights (`kernels.collocation_weights`).
+linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. Where the law is
+linear, r = -zeta theta - u_near.
 
 Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
 phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.
@@ -22,52 +21,53 @@ stride that iteration or the nodes cannot manage is taken again from its start i
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from synth.kernels.collocation import NODES, POINTS
-from synth.kernels.collocation_weights import continuation, legendre_tail, weights
-from synth.kernels.picard import Forcing, Law, march
+from synth.kernels.collocation import NODES
+from synth.kernels.picard import march
 from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum, Sums
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats
-from synth.propagators.blocks import Ticks
-from synth.propagators.picard_error import Estimate
-from synth.propagators.picard_forcing import Grid, Readings
+from synth.propagators.picard_forcing import GROUP, Level, Readings
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 _REACH = (6.0, 4.0)
 """Intervals to try, times the fastest of n + w, rad: in 4 rad 16 nodes resolve r to 1e-15 of theta, in 6 where the
 fastest harmonics are weak,"""
 _READ = 4.3  # and times n, rad: the angle between nodes is then told to 2e-15
-_GROUP = 32  # intervals in a block of the forcing
-_BLOCKS = 24  # blocks in a stride at most; forcing and readings of a stride then stay in the processor's cache
 _MOST_HALVINGS = 10
 _PATIENCE = 8  # strides after which longer intervals are tried again
 _STOP = 1e-15  # change of r, relative to the angle, that no longer matters even where angles feel all of it
+LARGE = 0.3  # angle from which growth is measured, rad
+_NUDGE = 1e-13  # error that a shadow starts with, in largest angles: far above rounding, far below any arc
+_FARTHEST = 1e-6  # a shadow may start at most this far, in rad: close to rest, energy asks for more
+_FAR = 0.1  # of the largest angle: a shadow farther away no longer tells how fast errors grow
+_EPSILON = 2.0**-53
+_LAST_PLACES = 8.0
+_RESOLVED = 2e-14  # of the largest angle: what r beyond its last term may cost
 
 
 @dataclass(frozen=True)
 class PicardPlan:
     """Independent pendulums on one support, and when to read them.
 
-        Examples
-        --------
-        A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
+    Examples
+    --------
+    A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
 
-        >>> from fractions import Fraction
-    from functools import cached_property
-        >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
-        >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
-        ...                   EvenTimes(Fraction(1, 4), 9))
-        >>> theta, error = plan.elongation()
-        >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
-        (True, True)
+    >>> from fractions import Fraction
+    >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
+    >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
+    ...                   EvenTimes(Fraction(1, 4), 9))
+    >>> theta, error = plan.elongation()
+    >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
+    (True, True)
     """
 
     frequencies: Floats
@@ -82,16 +82,9 @@ class PicardPlan:
     kicks: Kicks | None = None  # Impulses at ends of intervals
 
     def elongation(self) -> tuple[Floats, float]:
-        """Angles at all readings.
+        """Angles at all readings, (pendulums, readings) rad, and the estimated error, relative to the largest angle.
 
         `RefusedError` if the motion is too violent for intervals of any sensible length.
-
-        Returns
-        -------
-        theta : (pendulums, readings) float64
-            rad
-        estimated_error : float
-            Largest error, relative to the largest angle of the pendulum.
         """
         theta, error, done = np.empty((len(self.frequencies), self.times.count)), 0.0, 0
         for angles, so_far in strides(self):
@@ -147,66 +140,6 @@ def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
     return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
 
 
-class _Level:
-    """One length of intervals: forcing, weights and readings."""
-
-    def __init__(self, plan: PicardPlan, readings: Readings, shown: int) -> None:
-        blocks = min(_BLOCKS, -(-readings.intervals // _GROUP))
-        self.readings = readings
-        self.most = blocks * _GROUP
-        self.turn = plan.frequencies * float(readings.interval)
-        self._pendulums = len(plan.frequencies)
-        horizontal, vertical = plan.sums
-        same = np.array_equal(horizontal.angular_frequency, vertical.angular_frequency)
-        if same and horizontal.combs == vertical.combs:
-            merged = replace(horizontal, coefficients=np.vstack([vertical.coefficients, horizontal.coefficients]))
-            self._grids = [Grid(merged, readings.interval, _GROUP)]
-        else:
-            self._grids = [Grid(each, readings.interval, _GROUP) for each in (vertical, horizontal)]
-        self.points = np.empty((self._pendulums, self.most, POINTS))
-        self._still = np.zeros((self.most, NODES))
-        self._plan, self._kicks = plan, plan.kicks
-        self.shown = horizontal.some(slice(shown))
-        each_pendulum = zip(plan.frequencies.tolist(), plan.damping_rates.tolist(), strict=True)
-        sets = [
-            weights(Fraction(n) ** 2, 2 * Fraction(gamma), readings.interval, Fraction(n)) for n, gamma in each_pendulum
-        ]
-        flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))
-        inner = np.ascontiguousarray(inner[:, : NODES * NODES])
-        guess = np.array([(continuation().T @ each.reshape(NODES, NODES)).ravel() for each in inner])
-        self.law = Law(flow, inner, guess, end, propagator, legendre_tail()[None, :], plan.linear)
-
-    def _impulses(self, first: int, count: int) -> Floats:
-        """At the ends of intervals: what stays of y and y'/n, and what is added, (3, pendulums, count)."""
-        jumps = np.zeros((3, self._pendulums, count))
-        jumps[0] = 1.0
-        if self._kicks is not None:
-            every = round(self._kicks.step / self.readings.interval)  # intervals to an impulse, exactly
-            begin, end = first // every, (first + count) // every
-            drawn = self._kicks.changes(begin, end - begin)
-            copies = self._pendulums // drawn.shape[1]  # a shadow gets its pendulum's
-            last = (np.arange(begin, end) + 1) * every - 1 - first
-            jumps[:, :, last] = np.tile(drawn, (1, copies, 1))
-            for p, at in np.argwhere(jumps[0] == 0.0):  # theta is set: y is what the steady answer leaves of it
-                jumps[1:, p, at] -= self._steady(int(p), float((first + at + 1) * self.readings.interval))
-        return jumps
-
-    def _steady(self, p: int, time: float) -> Floats:
-        """Steady answer of a pendulum and its slope over n, rad."""
-        rate = self._plan.steady.angular_frequency
-        turning = self._plan.steady.coefficients[p] * np.exp(1j * rate * time)
-        return np.array([turning.sum().real, (1j * rate * turning).sum().real / self._plan.frequencies[p]])
-
-    def forcing(self, first: int, count: int) -> Forcing:
-        """What acts in `count` intervals from the `first`."""
-        centres = Ticks.even(first + _GROUP // 2, _GROUP, count // _GROUP)
-        sums = [grid.evaluate(centres).reshape(-1, count, NODES) for grid in self._grids]
-        vertical, horizontal = (sums[0][0], sums[0][1:]) if len(sums) == 1 else (sums[0][0], sums[1])
-        rest = horizontal[self._pendulums :]
-        drive = rest[1] if len(rest) > 1 else self._still[:count]
-        return Forcing(horizontal[: self._pendulums], vertical, rest[0], drive, self._impulses(first, count))
-
-
 def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
     """Angles of stride after stride, (pendulums, readings) rad, and the estimate of the largest error up to there.
 
@@ -216,7 +149,7 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
     """
     shown = len(plan.frequencies)
     lengths = plan.readings()
-    levels = [_Level(plan, lengths.pop(0), shown)] if lengths[0].intervals else []
+    levels = [Level(plan, lengths.pop(0), shown)] if lengths[0].intervals else []
     state = np.zeros((shown, 4))
     state[:, 0], state[:, 2] = plan.rest()
     remainder = np.zeros((shown, NODES))
@@ -224,14 +157,14 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
     depth, calm, patience, done = 0, 0, _PATIENCE, 0
     while levels and done < levels[depth].readings.intervals:
         level = levels[depth]
-        count = min(level.most, -(-(level.readings.intervals - done) // _GROUP) * _GROUP)
-        carried, known, tried = state.copy(), remainder.copy(), estimate.copy()
+        count = min(level.most, -(-(level.readings.intervals - done) // GROUP) * GROUP)
+        carried, known, tried = state.copy(), remainder.copy(), copy(estimate)
         result = _stride(level, done, count, carried, known, tried)
         if result is not None and tried.is_large and len(state) == shown:
             # The growth of errors must be measured, from the start of this stride on.
             estimate = estimate.shadowed(tried)
             plan = plan.shadowed()
-            levels = [_Level(plan, each.readings, shown) for each in levels]
+            levels = [Level(plan, each.readings, shown) for each in levels]
             state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
             estimate.nudge(state)
         elif result is not None:
@@ -243,7 +176,7 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
                 depth, done, calm = depth - 1, done // 2, 0
                 remainder = np.zeros_like(remainder)
         elif done == 0 and depth == 0 and lengths:
-            levels = [_Level(plan, lengths.pop(0), shown)]
+            levels = [Level(plan, lengths.pop(0), shown)]
             remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
@@ -256,11 +189,11 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
             depth, done, calm = depth + 1, 2 * done, 0
             remainder = np.zeros_like(remainder)
             if depth == len(levels):
-                levels.append(_Level(plan, level.readings.halved(), shown))
+                levels.append(Level(plan, level.readings.halved(), shown))
 
 
 def _stride(
-    level: _Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
+    level: Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
 ) -> Floats | None:
     """March `count` intervals; state, remainder and estimate move on. Return theta, or none if it went wrong."""
     forcing = level.forcing(first, count)
@@ -288,3 +221,85 @@ def _stride(
 
 def _largest(values: Floats) -> float:
     return max(float(values.max()), -float(values.min()))
+
+
+class Estimate:
+    """How far several pendulums (so many without shadows) may be off, from what the march notes on its way, in rad.
+
+    - Readings are rounded, and so are phases: a few units of the last place of the largest angle.
+    - r beyond its last Legendre term, extrapolated from the decay of the last two pairs and integrated twice over an
+      interval. It does not add up: at Gauss nodes the ends of intervals are right to its square.
+    - The rounding of r adds up like a random walk in the state and then grows. A small arc turns a change of amplitude
+      into one of phase by dn/dTheta = -n Theta/8. For a large one growth is measured: a shadow of each pendulum, behind
+      all pendulums, starts with a little more energy, as much as rounding of the speed would give it at the lowest
+      point, and the distance of the two tells. Energy, because near the separatrix it decides what comes next.
+    """
+
+    def __init__(self, pendulums: int) -> None:
+        self.shown = pendulums
+        self._amplitude, self._peak = np.zeros((2, pendulums))  # of y, squared; of the angle
+        self._beyond, self._walk = np.zeros((2, pendulums))  # what r beyond its last term costs; rounding, squared
+        self._turned = np.zeros(pendulums)  # n t
+        self._nudge, self._growth = np.zeros(pendulums), np.ones(pendulums)
+
+    def shadowed(self, other: Estimate) -> Estimate:
+        """From here on with shadows; their nudge is a share of the largest angle that `other` saw."""
+        result = copy(self)
+        result._amplitude = np.tile(self._amplitude, 2)
+        result._nudge = _NUDGE * np.minimum(other._peak, np.pi)
+        return result
+
+    def nudge(self, state: Floats) -> None:
+        """Move the states of shadows, the second half of (pendulums, 4) as in `kernels.picard.march`."""
+        for error, shadow in zip(self._nudge.tolist(), state[self.shown :], strict=True):
+            uphill = np.array([np.sin(shadow[0]), shadow[2]])
+            steepness = float(np.hypot(*uphill))
+            energy = error**2 / _NUDGE
+            step = min(energy / steepness, _FARTHEST) if steepness > error else error
+            direction = uphill / steepness if steepness > error else np.array([0.0, 1.0])
+            shadow[[0, 2]] += step * direction
+
+    @property
+    def is_large(self) -> bool:
+        """Whether growth must be measured."""
+        return bool(np.any(self._peak > LARGE))
+
+    def report(self) -> Floats:
+        """Fresh report for `kernels.picard.march`."""
+        report = np.zeros((len(self._amplitude), 5))
+        report[:, 3] = self._amplitude
+        return report
+
+    def add(self, report: Floats, steady: Floats, turn: Floats, points: Floats) -> None:
+        """Take up what a stride noted, shadows included; arrays are replaced, never written to.
+
+        Its `report` (pendulums, 5); largest angles of the `steady` answers (pendulums,), rad; n h, the `turn` of an
+        interval (pendulums,); y at the `points` (pendulums, intervals, POINTS).
+        """
+        self._amplitude = report[:, 3]
+        shown = slice(self.shown)
+        last, before = np.sqrt(report[shown, 0]), np.sqrt(report[shown, 1])
+        decay = np.divide(last, before, out=np.ones_like(last), where=before > last)
+        self._beyond = np.maximum(self._beyond, last * decay * (turn[shown] / (4 * NODES)) ** 2)
+        self._walk = self._walk + (_EPSILON * turn[shown]) ** 2 * report[shown, 2] / NODES
+        self._turned = self._turned + turn[shown] * points.shape[1]
+        self._peak = np.maximum(self._peak, np.sqrt(self._amplitude[shown]) + steady[shown])
+        if len(points) > self.shown:
+            apart = np.abs(points[self.shown :] - points[shown]).max(axis=(1, 2))
+            grown = np.divide(apart, self._nudge, out=np.ones_like(apart), where=self._nudge > 0)
+            grown[apart > _FAR * self._peak] *= 10.0  # the distance is bounded, what it stands for is not
+            self._growth = np.maximum(self._growth, grown)
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether r has been a polynomial of the nodes' degree so far."""
+        return bool(np.all(self._beyond <= _RESOLVED * self._peak))
+
+    @property
+    def relative(self) -> float:
+        """Largest error relative to the largest angle; 2 says that nothing is known."""
+        arc = 1.0 + self._turned * np.minimum(self._amplitude[: self.shown], LARGE**2) / 8
+        walk = np.sqrt(self._walk) * np.maximum(self._growth, arc)
+        error = _LAST_PLACES * _EPSILON * self._peak + self._beyond + walk
+        share = np.divide(error, self._peak, out=np.zeros_like(error), where=self._peak > 0)
+        return min(float(np.max(share, initial=0.0)), 2.0)

@@ -12,8 +12,7 @@ table. Nothing accumulates from block to block, so nothing drifts.
 
 Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of length 2 r
 every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions of
-w r), so the interpolation is exact to rounding, and the cost does not grow with the product of moments and harmonics as
-sines would.
+w r): interpolation is exact to rounding, without a sine for every moment and harmonic.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ import numpy as np
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, or_none, registered
-from synth.systems.terms import driven, motion
+from synth.systems.terms import driven, motion, weight
 
 
 class Sine(NamedTuple):
@@ -33,20 +33,18 @@ class Linear(NamedTuple):
 
 
 @by_type("restoring")
-def pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Any) -> Any:
-    """Angular acceleration towards the vertical, over n^2; accelerations of the support are over gravity, or None."""
+def slant(angle: float, restoring: Any) -> Any:
+    """Sine and cosine of an angle, or what they are where the law is linear."""
 
 
-@registered("pull", Sine)
-def _pull(angle: float, horizontal: float | None, vertical: float | None, restoring: Sine) -> float:
-    back = math.sin(angle) if vertical is None else (1.0 + vertical) * math.sin(angle)
-    return back if horizontal is None else back + horizontal * math.cos(angle)
+@registered("slant", Sine)
+def _slant(angle: float, restoring: Sine) -> tuple[float, float]:
+    return math.sin(angle), math.cos(angle)
 
 
-@registered("pull", Linear)
-def _pull_linear(angle: float, horizontal: float | None, vertical: float | None, restoring: Linear) -> float:
-    back = angle if vertical is None else (1.0 + vertical) * angle
-    return back if horizontal is None else back + horizontal
+@registered("slant", Linear)
+def _slant_linear(angle: float, restoring: Linear) -> tuple[float, float]:
+    return angle, 1.0
 
 
 class DrivenPendulums(NamedTuple):
@@ -83,10 +81,10 @@ def _derivative(time: float, state: Floats, system: DrivenPendulums, out: Floats
     frequencies, restoring, terms = system.natural_frequency, system.restoring, system.terms
     for i in range(frequencies.size):
         angle, rate = state[2 * i], state[2 * i + 1]
+        sine, cosine = slant(angle, restoring)
         square = frequencies[i] * frequencies[i]
-        back = -square * pull(angle, horizontal, vertical, restoring)
         out[2 * i] = rate
-        out[2 * i + 1] = driven(back, i, angle, rate, terms)
+        out[2 * i + 1] = driven(-square * weight(sine, cosine, 1.0, horizontal, vertical), i, angle, rate, terms)
 
 
 @registered("response", DrivenPendulums)

@@ -28,7 +28,7 @@ def symmetric(system: Any, state: ArrayLike) -> bool:
 
     Examples
     --------
-    >>> from synth.systems.metronomes import Metronomes
+    >>> from synth.systems.yielding import Metronomes
     >>> pair = Metronomes(np.array([6.0, 6.0]), 0.1)
     >>> symmetric(pair, [2.0, 0.0, -2.0, 0.0]), symmetric(pair, [2.0, 0.0, -1.999, 0.0])
     (True, False)

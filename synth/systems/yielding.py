@@ -1,4 +1,4 @@
-"""Pendulums on a support that yields: clocks on an elastic beam that moves up and down, or on a frame that moves sideways.
+"""Pendulums on a support that yields: an elastic beam that moves up and down, a frame that moves sideways, a rolling board.
 
 The beam, the full system (1) of Kanunnikov and Lamper, x counted down from the static sag at g:
 
@@ -16,6 +16,16 @@ Both are one system, with the lever e = sin phi of a beam and e = -cos phi of a 
 Put into the first, the second gives x'' over `M + sum m_i e'_i^2`, which is never zero. On a ship g becomes g + z'', the
 pendulums feel -cos phi_i x_h'', a beam (M + sum m_i) z'' more and a frame -(M + sum m_i) x_h''; these follow from
 L = T - V with the bobs at (X_h + l sin phi, Z - x - l cos phi) and (X_h + X + l sin phi, Z - l cos phi).
+
+Metronomes on a board that rolls freely (Pantaleone 2002, Am. J. Phys. 70, 992), in physical time:
+
+    th_i'' + n_i^2 (1 + zeta) sin th_i - b cos th_i sum (sin th_j)'' = terms_i,      zeta = z''/g
+
+Pantaleone's own form, `th'' + (1 +- D) sin th + mu ((th/th0)^2 - 1) th' - b cos th sum (sin th)'' = 0` in radians of
+the mean metronome, is `n_i = sqrt(1 +- D)` with a `VanDerPolDrive` of rate mu and angle th0. Solved for
+`sum (sin th)''`, the factor `1 - b sum cos^2 th` appears, positive as long as b times the number of metronomes is
+below 1, as it is for every real board (b = m x (lever)/(total mass)). A horizontal motion of the ship changes
+nothing: the board rolls and stays behind, metronomes with it.
 """
 
 from __future__ import annotations
@@ -155,3 +165,62 @@ def stiffness_of_ratio(ratio: float, system: ElasticBeam) -> float:
     """Stiffness that makes the loaded beam `ratio` times faster than a pendulum of the first length."""
     total = system.beam_mass + float(np.sum(system.mass))
     return total * ratio * ratio * system.gravity / float(system.length[0])
+
+
+class Metronomes(NamedTuple):
+    """Parameters; state (th_1, th_1', th_2, th_2', ...). Mirror: all angles change sign together."""
+
+    natural_frequency: Floats  # (metronomes,) n_i on a board held fast, rad/s
+    coupling: float  # b
+    terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
+    gravity: float = 9.80665  # m/s^2; only the ratio of z'' to it matters
+    vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
+
+    def difficulty(self, state: Floats) -> str | None:
+        """Why there is no motion, or None."""
+        if self.coupling * self.natural_frequency.size < 1.0:
+            return None
+        return "the coupling of the metronomes exceeds 1/number, so that the board would weigh nothing; make it smaller"
+
+    @property
+    def first_angle(self) -> int:
+        """Place of the first pendulum's angle in the state."""
+        return 0
+
+
+@registered("derivative", Metronomes)
+@kernel
+def _derivative_of_board(time: float, state: Floats, system: Metronomes, out: Floats) -> None:
+    """Accelerations as if the board were held, then what its own, of sum (sin th_j), adds."""
+    frequencies, coupling, gravity, terms = system.natural_frequency, system.coupling, system.gravity, system.terms
+    upwards = motion(time, system.vertical)
+    force = 0.0
+    inertia = 1.0
+    for i in range(frequencies.size):
+        angle, rate = state[2 * i], state[2 * i + 1]
+        cosine, sine = math.cos(angle), math.sin(angle)
+        square = frequencies[i] * frequencies[i] / gravity
+        free = driven(-square * weight(sine, cosine, gravity, None, upwards), i, angle, rate, terms)
+        force += cosine * free - sine * rate * rate
+        inertia -= coupling * cosine * cosine
+        out[2 * i] = cosine
+        out[2 * i + 1] = free
+    board = force / inertia if inertia > 0.0 else math.nan
+    for i in range(frequencies.size):
+        out[2 * i + 1] += coupling * out[2 * i] * board
+        out[2 * i] = state[2 * i + 1]
+
+
+@registered("response", Metronomes)
+@kernel
+def _response_of_board(state: Floats, index: int, system: Metronomes, out: Floats) -> None:
+    """Unit impulse on one metronome, per m l^2; the board recoils, and through it the others."""
+    inertia = 1.0
+    for i in range(system.natural_frequency.size):
+        cosine = math.cos(state[2 * i])
+        inertia -= system.coupling * cosine * cosine
+    recoil = system.coupling * math.cos(state[2 * index]) / (inertia if inertia > 0.0 else math.nan)
+    out[:] = 0.0
+    for i in range(system.natural_frequency.size):
+        out[2 * i + 1] = math.cos(state[2 * i]) * recoil
+    out[2 * index + 1] += 1.0

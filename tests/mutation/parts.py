@@ -57,7 +57,6 @@ PARTS = {
             "pipeline/anomaly.py",
             "pipeline/methods/*.py",
             "synth/systems/driven_pendulums.py",
-            "synth/systems/harmonic_motion.py",
             "synth/systems/resistance.py",
             "synth/systems/terms.py",
         ),

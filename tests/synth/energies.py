@@ -9,9 +9,8 @@ from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, registered
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, lever, own_mass
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, own_mass
 
 
 class SineFromTop(NamedTuple):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synth.systems.metronomes import Metronomes
 from synth.systems.resistance import VanDerPolDrive
+from synth.systems.yielding import Metronomes
 
 
 def pantaleone(detuning: ArrayLike, drive: float, drive_angle: float, coupling: float) -> Metronomes:

@@ -336,4 +336,3 @@ def test_what_a_driven_scene_leaves_out_is_not_imported() -> None:
 def test_explaining_compiles_and_imports_no_integrator() -> None:
     names = loaded("clocks-on-beam", "from synth.explanation import explain; explain(scene)")
     assert not any(name.startswith("synth.integrators") for name in names)
-    assert "synth.systems.metronomes" not in names

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import pytest
 
-from synth.kernels import cache, compiled, stored
+from synth.kernels import cache, compiled
 from synth.systems.resistance import Viscous
 
 
@@ -156,7 +156,7 @@ def test_only_types_of_the_project_are_kept(
     argument: Any, kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An index that names a module which is not there cannot be read by anybody else."""
-    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
     made = compiled.kernel(add_one)
     assert np.all(made(argument) == 2.0)
     assert bool(list(tmp_path.rglob("*.nbi"))) == kept
@@ -168,9 +168,9 @@ def test_only_types_of_the_project_are_kept(
 
 @pytest.mark.compiled
 def test_of_one_kernel_the_last_four_kinds_of_sources_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stored, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
     for number in range(6):
-        monkeypatch.setattr(stored, "stamp", lambda *_, name=f"{number:016x}": name)
+        monkeypatch.setattr(compiled, "stamp", lambda *_, name=f"{number:016x}": name)
         compiled.kernel(add_one)((1.0,))
         for index in tmp_path.glob(f"*{number:016x}.nbi"):
             os.utime(index, (number, number))
@@ -198,7 +198,7 @@ def tiny(tmp_path: Path) -> Path:
     (tmp_path / "synth").mkdir()
     kernels = Path(cache.__file__).parent
     (tmp_path / "synth/kernels").mkdir()
-    for name in ("__init__", "cache", "compiled", "stored"):
+    for name in ("__init__", "cache", "compiled"):
         (tmp_path / f"synth/kernels/{name}.py").write_text((kernels / f"{name}.py").read_text())
     for name, text in MODULES.items():
         (tmp_path / "synth" / name).write_text(text)
@@ -265,7 +265,7 @@ def test_a_slice_that_does_not_fit_is_refused_as_by_numba_itself() -> None:
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:
     found = cache.closure([cache.ROOT / "synth/systems/dispatch.py"])
-    assert {cache.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "metronomes")} <= set(found)
+    assert {cache.ROOT / f"synth/systems/{name}.py" for name in ("resistance", "yielding", "terms")} <= set(found)
 
 
 def test_kernels_of_the_joint_fit_are_made_from_few_files() -> None:

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from synth.huygens.real_roots import real_roots, resultant
+from synth.huygens.balance import real_roots, resultant
 
 ONE = Fraction(1)
 WIDTH = Fraction(1, 1 << 60)

@@ -9,8 +9,7 @@ import pytest
 
 from synth.huygens.balance import solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import edge, edge_of_balance, mean_beta, slip
-from synth.huygens.slow_flow import stability
+from synth.huygens.locking import edge, edge_of_balance, mean_beta, slip, stability
 from synth.integrators.collocation import integrate_ensemble
 
 PAIRS = [Clocks(0.02, 0.02, 5.7143e-5, (tau, tau)) for tau in (0.0, -0.0114, -0.03)]

@@ -11,9 +11,8 @@ from scipy.optimize import root
 from data_schemas.errors import UsageError
 from synth.huygens.balance import Regime, followed, residuals, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import slope
+from synth.huygens.locking import rates, slope
 from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
-from synth.huygens.slow_flow import rates
 
 TABLE = (  # formula sheet 3.1: alpha, beta, q, tau, k
     (-0.175, "0.0547902", "0.000979708", "-0.0510717", "1569.91"),

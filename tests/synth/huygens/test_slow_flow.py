@@ -11,8 +11,8 @@ from paper_criterion import paper_regime_holds
 from data_schemas.errors import UsageError
 from synth.huygens.balance import solutions
 from synth.huygens.clocks import Clocks
+from synth.huygens.locking import rates, slopes, stability
 from synth.huygens.paper import COUPLING, corrected
-from synth.huygens.slow_flow import rates, slopes, stability
 
 PAIR = Clocks(0.02, 0.02, COUPLING, (-0.0114, -0.0114))
 

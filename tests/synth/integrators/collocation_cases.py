@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from synth.systems.harmonic_motion import harmonics
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive, Viscous
-from synth.systems.terms import together
-from synth.systems.yielding import ElasticBeam, FlexibleFrame
+from synth.systems.terms import harmonics, together
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes
 
 LENGTHS = np.array([0.249, 0.2484])
 MASSES = np.array([0.3, 0.2, 0.25])

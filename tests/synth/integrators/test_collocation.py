@@ -14,11 +14,10 @@ from synth.integrators import explicit
 from synth.integrators.collocation import FINEST, Problem, integrate, run
 from synth.integrators.collocation_remainders import excess_of, linear_part
 from synth.systems.driven_pendulums import plain
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive
 from synth.systems.terms import together
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, stiffness_of_ratio
 
 EVERY = pytest.mark.parametrize("name", ["beam", "reduced", "frame", "metronomes"])
 
@@ -72,7 +71,7 @@ def test_energy_is_kept_over_ten_thousand_swings(name: str) -> None:
     """Chaotic or not: rounding makes a random walk of it, sqrt(intervals) x 1e-16."""
     system, start = REFERENCES[name][:2] if name in REFERENCES else CASES[name]
     times = np.linspace(0.0, 2e4 if name == "C1" else 1e4, 51)
-    states = run(Problem.of(system), np.array(start, dtype=float), times, FINEST)[0]
+    states = run(Problem(system), np.array(start, dtype=float), times, FINEST)[0]
     levels = np.array([energy(state, system) for state in states])
     swing = abs(levels[0] - energy(np.zeros(len(start)), system))  # above rest
     assert np.max(np.abs(levels - levels[0])) < 1e-12 * swing
@@ -116,10 +115,10 @@ def test_measured_order_of_convergence() -> None:
     the order of 16 Gauss nodes once they resolve the motion; then rounding alone is left."""
     system, start, _, _ = REFERENCES["B"]
     times, first = np.array([0.0, 12.0]), np.array(start, dtype=float)  # whole numbers of all these intervals
-    exact = run(Problem.of(system), first, times, FINEST)[0][1]
+    exact = run(Problem(system), first, times, FINEST)[0][1]
     errors = []
     for interval in (1.5, 0.75, 0.5):
-        states = run(Problem.of(system, longest=interval), first, times, (1e-15, 1e3), depth=0)[0]
+        states = run(Problem(system, longest=interval), first, times, (1e-15, 1e3), depth=0)[0]
         errors.append(np.max(np.abs(states[1] - exact)))
     assert np.log2(errors[0] / errors[1]) > 20.0
     assert errors[2] < 1e-14
@@ -142,9 +141,9 @@ def test_a_support_without_spring_is_carried_exactly() -> None:
 def test_the_carried_linear_part_may_be_any() -> None:
     """What it has more than the system's own returns through the remainder."""
     system, start = REFERENCES["B"][:2]
-    near = Problem.of(system, (np.array([155.0, 39.0, 40.0]), np.array([0.2, 0.01, -0.01])))
+    near = Problem(system, (np.array([155.0, 39.0, 40.0]), np.array([0.2, 0.01, -0.01])))
     states = run(near, np.array(start, dtype=float), np.array([0.0, 3.0]), FINEST)[0]
-    own = run(Problem.of(system), np.array(start, dtype=float), np.array([0.0, 3.0]), FINEST)[0]
+    own = run(Problem(system), np.array(start, dtype=float), np.array([0.0, 3.0]), FINEST)[0]
     np.testing.assert_allclose(states, own, atol=1e-14)
     square, loss = (np.array([float(each[k]) for each in linear_part(system)]) for k in range(2))
     assert np.max(np.abs(excess_of(linear_part(system), square, loss))) < 1e-14 * 160  # only what doubles cannot hold

@@ -8,9 +8,8 @@ from collocation_cases import LENGTHS
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation import integrate, integrate_ensemble
-from synth.systems.metronomes import Metronomes
 from synth.systems.resistance import Quadratic, VanDerPolDrive
-from synth.systems.yielding import ElasticBeam
+from synth.systems.yielding import ElasticBeam, Metronomes
 
 DRIVE = VanDerPolDrive(np.full(2, 0.06), 0.0138 / LENGTHS)
 BEAMS = [ElasticBeam(50.0, np.full(2, 0.25), LENGTHS, stiffness, 0.25, 9.81, DRIVE) for stiffness in (8e3, 7e3, 9e3)]

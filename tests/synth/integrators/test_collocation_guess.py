@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from synth.integrators.collocation_march import ORDERS, best, guess, remember
-from synth.kernels.collocation import NODES
-from synth.kernels.collocation_weights import FINE, aligned, continuation, gauss_nodes
+from synth.kernels.collocation import FINE, NODES, aligned, continuation, gauss_nodes
 from synth.phase import Floats
 
 NODE = (1.0 + gauss_nodes() / FINE) / 2.0

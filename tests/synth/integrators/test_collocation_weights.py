@@ -8,8 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.kernels.collocation import NODES, turned
-from synth.kernels.collocation_weights import FINE, aligned, gauss_nodes, weights
+from synth.kernels.collocation import FINE, NODES, aligned, gauss_nodes, turned, weights
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, positive, store, total, wide
 from synth.phase import Floats

@@ -14,10 +14,9 @@ from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import LOOSEST, integrate
 from synth.integrators.explicit_march import Run
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
-from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPol, VanDerPolDrive, Viscous
-from synth.systems.terms import together
+from synth.systems.terms import harmonics, together
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
 
 LENGTHS = np.array([0.249, 0.2484])

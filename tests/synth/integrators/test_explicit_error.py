@@ -15,8 +15,8 @@ from synth.integrators.explicit import TIGHTEST, instants, integrate, refine
 from synth.integrators.explicit_march import Run
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
-from synth.systems.harmonic_motion import harmonics
 from synth.systems.resistance import VanDerPol, Viscous
+from synth.systems.terms import harmonics
 
 SWING = 2 * math.pi
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from synth.integrators.radau_linear import factor, factor_pair, solve, solve_pair
+from synth.integrators.radau_newton import factor, factor_pair, solve, solve_pair
 from synth.integrators.radau_step import (
     DIVERGED,
     NOT_FINITE,

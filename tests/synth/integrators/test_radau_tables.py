@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.integrators.radau_tables import FIVE, SEVEN, THREE, Tableau
+from synth.integrators.radau_newton import FIVE, SEVEN, THREE, Tableau
 
 ROUNDED = 1.2e-16  # half a unit of the last place, relative
 

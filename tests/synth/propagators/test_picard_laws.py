@@ -14,7 +14,7 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene_pendulum import StateStart
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
-from synth.propagators import picard, picard_error
+from synth.propagators import picard, picard_forcing
 from synth.propagators.times import EvenTimes, UnevenTimes
 
 
@@ -138,8 +138,8 @@ def test_convergence_order(monkeypatch: pytest.MonkeyPatch) -> None:
 
     Orders are 18 and 32 in the limit; in intervals of half a swing and more they are still below.
     """
-    monkeypatch.setattr(picard_error, "_RESOLVED", np.inf)  # else intervals are halved at once
-    monkeypatch.setattr(picard_error, "LARGE", np.inf)
+    monkeypatch.setattr(picard, "_RESOLVED", np.inf)  # else intervals are halved at once
+    monkeypatch.setattr(picard, "LARGE", np.inf)
     plan = make([(0.5, 0.0)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 8), 161))
     monkeypatch.setattr(picard, "_READ", np.inf)
     monkeypatch.setattr(picard, "_REACH", [0.26 * (N + 1.4)])  # intervals of a quarter of a second
@@ -216,7 +216,7 @@ def test_a_stream_is_the_whole_in_bounded_portions() -> None:
 def test_intervals_lengthen_when_the_motion_calms_down(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = make([(1.5, 0.0)], SWELL, damping_rate=0.1, times=EvenTimes(Fraction(1, 4), 241))
     whole = plan.elongation()[0]
-    monkeypatch.setattr(picard, "_BLOCKS", 1)
+    monkeypatch.setattr(picard_forcing, "_BLOCKS", 1)
     monkeypatch.setattr(picard, "_PATIENCE", 1)
     portions = [angles for angles, _ in picard.strides(plan)]
     lengths = [each.shape[1] for each in portions[:-1]]  # 32 intervals each

@@ -8,8 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.kernels.collocation import NODES
-from synth.kernels.collocation_weights import FINE, Weights, gauss_nodes, interpolation, legendre_tail, weights
+from synth.kernels.collocation import FINE, NODES, Weights, gauss_nodes, interpolation, legendre_tail, weights
 from synth.kernels.picard import remainder_sine
 
 CASES = [

@@ -9,12 +9,10 @@ from pantaleone_board import pantaleone
 
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
-from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive, Viscous
-from synth.systems.terms import together
-from synth.systems.yielding import ElasticBeam, FlexibleFrame
+from synth.systems.terms import Harmonics, harmonics, together
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes
 
 FREQUENCY = np.array([6.2, 6.3, 5.9])
 LENGTH = np.array([0.25, 0.24, 0.3])

@@ -15,10 +15,9 @@ from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian, plain_jacobian, response
 from synth.systems.driven_pendulums import DrivenPendulums
-from synth.systems.metronomes import Metronomes
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPol
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, stiffness_of_ratio
 
 EVERY = pytest.mark.parametrize("system", SYSTEMS.values(), ids=list(SYSTEMS))
 

@@ -9,10 +9,9 @@ import pytest
 from test_equations import slope
 
 from data_schemas.errors import RefusedError
-from synth.systems.harmonic_motion import harmonics
 from synth.systems.reduced_beam import reduced
 from synth.systems.resistance import VanDerPolDrive, Viscous
-from synth.systems.terms import together
+from synth.systems.terms import harmonics, together
 from synth.systems.yielding import ElasticBeam, stiffness_of_ratio
 
 LENGTH = np.array([0.249, 0.2484])

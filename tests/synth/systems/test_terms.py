@@ -10,8 +10,7 @@ import pytest
 from system_examples import DRIVE, KNIFE, QUADRATIC, UPWARDS, VISCOUS, opposite
 
 from synth.kernels.compiled import kernel
-from synth.systems.harmonic_motion import Harmonics, harmonics
-from synth.systems.terms import Both, Impulses, driven, halt, jolt, motion, together
+from synth.systems.terms import Both, Harmonics, Impulses, driven, halt, harmonics, jolt, motion, together
 
 
 @kernel

@@ -1,7 +1,17 @@
-"""The linear systems of Radau's Newton iteration: one real and (s - 1)/2 complex matrices of the size of the state.
+"""What Newton's iteration of Radau IIA needs: coefficients of the methods of 3, 5 and 7 stages, and linear systems.
 
-All live in one stack of real matrices: the real system in place 0, a complex one in two places that follow each other,
-real part first; right-hand sides are rows at the same places.
+With A the matrix of the method, A^-1 has one real eigenvalue and pairs of complex ones: A^-1 = M diag(rates) M^-1.
+Columns of `modes` M are the eigenvectors, scaled to end in 1: the real one, then real part and minus imaginary part
+of one of each pair, so that stages are z = Re(sum of w_k times eigenvector k) and the last stage is the plain sum of
+the real parts. `projection` is M^-1.
+
+Source: E. Hairer, G. Wanner, "Stiff differential equations solved by Radau methods", J. Comput. Appl. Math. 111 (1999)
+93-111, and Solving Ordinary Differential Equations II, section IV.8. Computed from the definition (nodes: zeros of the
+difference of shifted Legendre polynomials P_s - P_(s-1)) with 80 digits and rounded once.
+
+The linear systems are one real and (s - 1)/2 complex ones of the size of the state. All live in one stack of real
+matrices: the real system in place 0, a complex one in two places that follow each other, real part first (stacks of
+complex numbers cost a third to a half of the speed); right-hand sides are rows at the same places.
 `rate - jacobian` is factored with partial pivoting, rows exchanged whole, so that all exchanges are applied to a
 right-hand side before any substitution. Pivots are stored inverted: substitution divides nowhere. The number of
 unknowns comes as the length of a tuple, which the compiler knows and unrolls by.
@@ -14,16 +24,68 @@ view, and the same code runs.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from flint import acb_mat, arb_mat, ctx, fmpq_poly
 from numba.core import types
 from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
 
 from synth.kernels.compiled import summing_kernel
+from synth.phase import Floats
+
+_BITS = 300
+_HUGE = 1e150  # the square of a pivot must be finite
 
 pointer: Any = types.CPointer
 
-_HUGE = 1e150  # the square of a pivot must be finite
+
+class Tableau(NamedTuple):
+    """One method of s stages."""
+
+    nodes: Floats  # (s,) c, the last is 1
+    rates: NDArray[np.complex128]
+    """((s + 1)/2,) eigenvalues of A^-1: the real one, gamma, and those with positive imaginary part."""
+    inverse: Floats  # (s, s) A^-1
+    modes: Floats  # (s, s) M
+    projection: Floats  # (s, s) M^-1
+    error: Floats
+    """(s,) e: h f(start)/gamma + sum e_i z_i is the difference from a formula of order s with weight 1/gamma at 0."""
+    reciprocals: Floats
+    """(s + 1, s + 1) 1/(x_i - x_j) of the nodes 1 = c_s, ..., c_1, 0 of the collocation polynomial, zero for i = j."""
+
+
+def _tableau(stages: int) -> Tableau:
+    every = range(stages)
+    with ctx.workprec(_BITS):
+        shifted = fmpq_poly([-1, 2])
+        residue: Any = fmpq_poly.legendre_p(stages)(shifted) - fmpq_poly.legendre_p(stages - 1)(shifted)
+        exact = sorted((root.real for root, _ in residue.complex_roots()), key=float)
+        # A c^(k-1) = c^k/k
+        powers = arb_mat([[node**k for k in every] for node in exact])
+        solved = arb_mat([[node ** (k + 1) / (k + 1) for k in every] for node in exact]).inv()
+        inverse = powers * solved
+        values, vectors = acb_mat(inverse).eig(right=True)
+        real = min(every, key=lambda k: abs(float(values[k].imag)))
+        pairs = sorted((k for k in every if k != real and values[k].imag > 0), key=lambda k: float(values[k].imag))
+        columns = [[(vectors[i, real] / vectors[stages - 1, real]).real for i in every]]
+        for k in pairs:
+            vector = [vectors[i, k] / vectors[stages - 1, k] for i in range(stages - 1)]
+            columns += [[*(each.real for each in vector), 1], [*(-each.imag for each in vector), 0]]
+        modes = arb_mat(columns).transpose()
+        gamma = values[real].real
+        error = [-each / gamma for each in solved.entries()[:stages]]
+        points = np.array([*map(float, exact[::-1]), 0.0])
+        distance = points[:, None] - points[None, :]
+        np.fill_diagonal(distance, np.inf)
+        rates = np.array([float(gamma), *(complex(values[k]) for k in pairs)])
+        square = [np.array([[float(each) for each in row] for row in m.table()]) for m in (inverse, modes, modes.inv())]
+        nodes, weights = (np.array([float(each) for each in row]) for row in (exact, error))
+        return Tableau(nodes, rates, square[0], square[1], square[2], weights, 1.0 / distance)
+
+
+THREE, FIVE, SEVEN = (_tableau(stages) for stages in (3, 5, 7))  # Orders 5, 9 and 13
 
 
 def address(array: Any) -> Any:

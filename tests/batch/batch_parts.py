@@ -13,7 +13,7 @@ import numpy as np
 import data_schemas
 from pipeline.batch.config import Config, Kind
 from pipeline.batch.warming import small_record
-from pipeline.cli.batch_kinds import read_record
+from pipeline.cli.batch_jobs import read_record
 
 METHODS = ("projection",)
 

@@ -12,8 +12,7 @@ from data_schemas.appending import Appended
 from data_schemas.contents import Contents, Entry, Group, to_tree
 from data_schemas.scene import Scene
 from data_schemas.shield import shielded
-from synth.plan import plan
-from synth.propagate import propagate
+from synth.plan import plan, propagate
 from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.observe import Unwrapping, observe, reveal

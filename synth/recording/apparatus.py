@@ -17,8 +17,7 @@ from data_schemas.variables_record import ELONGATION_FLAGS
 from synth.lift import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats, Integers
-from synth.plan import Plan
-from synth.propagate import SampledMotion, propagate
+from synth.plan import Plan, SampledMotion, propagate
 from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator

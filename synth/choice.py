@@ -37,7 +37,7 @@ def needs(scene: Scene) -> tuple[str, ...]:
     Examples
     --------
     >>> from data_schemas.scene import load_scene
-    >>> from synth.shipped import scene_path
+    >>> from synth import scene_path
     >>> needs(load_scene(scene_path("linear")))
     ('the linear law', 'a fixed support')
     """

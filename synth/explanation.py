@@ -49,7 +49,7 @@ def explain(scene: Scene) -> Explanation:
     Examples
     --------
     >>> from data_schemas.scene import load_scene
-    >>> from synth.shipped import scene_path
+    >>> from synth import scene_path
     >>> told = explain(load_scene(scene_path("linear")))
     >>> told.propagator, told.expected_error
     ('closed form', 1e-15)

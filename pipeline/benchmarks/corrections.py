@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.benchmarks.honesty.records import Made, record
-from pipeline.benchmarks.honesty.suite import reduced
+from pipeline.benchmarks.honesty import reduced
+from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
 from pipeline.benchmarks.tables import Row, draws, kept, progress, write
 from pipeline.methods import PAIR_METHODS

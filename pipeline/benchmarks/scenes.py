@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from pipeline.benchmarks.honesty.kinds import Case
-from pipeline.benchmarks.honesty.records import Made
+from pipeline.benchmarks.kinds import Case
+from pipeline.benchmarks.records import Made
 from pipeline.gravity import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare

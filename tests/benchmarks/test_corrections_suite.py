@@ -16,7 +16,7 @@ from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from pipeline.benchmarks import corrections, scenes
 from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
-from pipeline.benchmarks.honesty.records import Made
+from pipeline.benchmarks.records import Made
 
 
 @pytest.mark.parametrize("quick", [True, False])

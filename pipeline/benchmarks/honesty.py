@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.benchmarks.honesty.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
-from pipeline.benchmarks.honesty.plain import gravity_at
-from pipeline.benchmarks.honesty.records import Made, record
+from pipeline.benchmarks.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
+from pipeline.benchmarks.plain import gravity_at
+from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.tables import Row, at_most, kept, progress, write
 from pipeline.plots.canvas import GREY, save, sheet
 

@@ -42,8 +42,7 @@ class Assembly(NamedTuple):
 
         The states are (k, n), in the system's own units.
         """
-        if self.units is not None:
-            states = states * self.units
+        states = states if self.units is None else states * self.units
         first = self.system.first_angle
         angles = states[:, first::2].T
         if self.board is not None:

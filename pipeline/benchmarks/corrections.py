@@ -90,11 +90,8 @@ tried."""
 
 def kinds(*, quick: bool) -> list[Kind]:
     """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
-    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
-
-
-def _real(kind: str, duration: float | None, seed: int) -> Made:
-    return record(kind, "middle", seed, duration=duration)
+    duration = 600.0 if quick else None
+    return [*LINEAR, *(Kind(name, partial(record, name, "middle", duration=duration), real=True) for name in REAL)]
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:

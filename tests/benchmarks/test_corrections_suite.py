@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ import pytest
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from pipeline.benchmarks import corrections, scenes
-from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
-from pipeline.benchmarks.records import Made
+from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, kinds
+from pipeline.benchmarks.records import Made, record
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -28,7 +27,7 @@ def test_every_kind_has_a_name_of_its_own(quick: bool) -> None:
 
 def test_real_records_are_those_of_the_suite_honesty() -> None:
     """Shorter when quick; another seed is another record."""
-    short, other = (partial(_real, "swell", 30.0)(seed) for seed in (24, 25))
+    short, other = (record("swell", "middle", seed, duration=30.0) for seed in (24, 25))
     assert float(short.tree["time"][-1]) == pytest.approx(30.0, abs=0.2)
     assert short.gravity != other.gravity
 

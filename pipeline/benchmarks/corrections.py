@@ -19,12 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, draws, kept, progress, write
+from pipeline.benchmarks.tables import Row, draws, kept, progress, rms, write
 from pipeline.methods import PAIR_METHODS
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 from pipeline.processing import process
@@ -154,7 +152,7 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
         spread[row["method"]].append(row["error_mgal"])
     pattern = (
         all(abs(errors[name]) <= limit for name, limit in kind.right.items())
-        and all(float(np.sqrt(np.mean(np.square(spread[name])))) >= limit for name, limit in kind.wrong.items())
+        and all(rms(spread[name]) >= limit for name, limit in kind.wrong.items())
         and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
     )
     return {"case": kind.name, **errors, "silently_wrong": " ".join(silent), "pass": pattern and not silent}

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from pipeline.benchmarks.kinds import Case
 from pipeline.benchmarks.records import Made
 from pipeline.gravity import MGAL
 from pipeline.observation import observe
@@ -102,4 +101,4 @@ def errors(scene: Scene, *methods: str) -> dict[str, float]:
 
 def made(scene: Scene) -> Made:
     """A scene's record as the suite `honesty` has its own; gravity does not change."""
-    return Made(simulate(scene)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])
+    return Made(simulate(scene)[0], scene.gravity, scene.gravity * np.eye(6)[0])

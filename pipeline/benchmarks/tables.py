@@ -28,6 +28,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import write_text
 from pipeline.plots.canvas import GREY, PALETTE, legend, panel, save, sheet
@@ -89,6 +91,11 @@ def reported(bar: str, value: float, unit: str = "") -> Row:
 def not_measured(bar: str, limit: str, why: str) -> Row:
     """A bar that cannot be judged here, such as a peer that is not installed; it decides nothing."""
     return reported(bar, math.nan, why) | {"limit": limit}
+
+
+def rms(values: Any) -> float:
+    """Root mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
 def kept(folder: Path | None, configuration: Mapping[str, Any], make: Callable[[], list[Row]]) -> list[Row]:

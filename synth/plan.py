@@ -17,8 +17,7 @@ from data_schemas.scene import Scene
 from data_schemas.scene_conditions import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
-from synth.kicks import Kicks, held, kicks
-from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
+from synth.disturbances import Kicks, gravity_change, held, kicks, lifted, mean_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, Sums, add, harmonics, near_resonant, sea
 from synth.motion.tabulated import tabulated
 from synth.pendulums.linear import Response, respond, start_state
@@ -96,14 +95,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     )
     pitch = None if case is None or case.pitch is None else tilt(case.pitch, motion, gravity, end)
     change = gravity_change(scene, end)
-    upright = math.cos(scene.conditions.tilt or 0.0)  # the share that a tilted plane of swing feels
-    changes = [each for each in (change, tidal_change(scene, end)) if each is not None]
-    lifts = [vertical, stiffening(scene)]
-    lifts += [replace(each, acceleration=upright * each.acceleration) for each in changes]
-    if case is not None and case.roll is not None:
-        roll = tilt(case.roll, transverse, gravity, end)
-        lifts.append(lift_of_roll(scene, roll, transverse, vertical, end))
-    lift = add(each for each in lifts if each is not None)
+    lift = lifted(scene, change, transverse, vertical, end)
     impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache

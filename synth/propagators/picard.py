@@ -29,10 +29,10 @@ from functools import cached_property
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from synth.disturbances import Kicks
 from synth.kernels.collocation import NODES, POINTS
 from synth.kernels.collocation_weights import continuation, legendre_tail, weights
 from synth.kernels.picard import Forcing, Law, march
-from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum, Sums
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats

@@ -55,18 +55,7 @@ def scenes() -> tuple[str, ...]:
 
 
 def scene_path(name: str) -> Path:
-    """Path of a shipped scene, ready for `data_schemas.load_scene`.
-
-    Parameters
-    ----------
-    name
-        One of `scenes()`.
-
-    Raises
-    ------
-    SceneError
-        If no scene of that name ships; the message lists those that do.
-    """
+    """Path of a shipped scene, one of `scenes()`; `SceneError` with the known names if no scene of that name ships."""
     from data_schemas.errors import SceneError
 
     if name not in scenes():
@@ -88,10 +77,7 @@ def films() -> tuple[str, ...]:
 def load_film(name: str) -> Film:
     """Read a film: the name of a shipped one, or a TOML file with its keys (or with a section `film`, as a scene has).
 
-    Raises
-    ------
-    SceneError
-        No such film ships, or the file has faults; one line names them.
+    `SceneError` in one line if no such film ships, or the file has faults.
     """
     from pydantic import ValidationError
 

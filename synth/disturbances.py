@@ -139,13 +139,7 @@ def tidal_change(scene: Scene, end: float) -> HarmonicSum | None:
 
 
 def mean_change(change: HarmonicSum, end: float) -> float:
-    """Mean from t = 0 to `end`, m/s^2.
-
-    Examples
-    --------
-    >>> round(mean_change(HarmonicSum(np.array([0.0, 2 * math.pi]), np.array([0.5, 1.0 + 0j])), 3.0), 15)
-    0.5
-    """
+    """Mean from t = 0 to `end`, m/s^2."""
     half = 0.5 * change.angular_frequency * end
     return float(np.sum(change.acceleration * np.exp(1j * half) * np.sinc(half / math.pi)).real)
 
@@ -211,12 +205,9 @@ class Kicks:
     jumps: tuple[Jump, ...] = ()
 
     def changes(self, first: int, count: int) -> Floats:
-        """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n.
+        """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n, rad.
 
-        Returns
-        -------
-        (3, pendulums, count) float64
-            1, rad, rad
+        Of shape (3, pendulums, count).
         """
         blocks = range(first // _BLOCK, -(-(first + count) // _BLOCK))
         skip = first - blocks.start * _BLOCK

@@ -182,14 +182,8 @@ def simulate_ensemble(
     ------
     SceneError
         As `simulate`; for a key or range that cannot be meant, at once.
-    UsageError
-        If there is no worker.
-    WorkerError
-        If a process dies.
-
-    See Also
-    --------
-    synth.write_ensemble : to files.
+    UsageError, WorkerError
+        If there is no worker, or one dies.
 
     Examples
     --------

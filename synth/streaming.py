@@ -80,10 +80,6 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
         If the scene asks for what cannot be: a table that is not there or too short, a pendulum that does not
         swing.
 
-    See Also
-    --------
-    synth.simulate_to : straight to files, in bounded memory.
-
     Examples
     --------
     >>> from data_schemas.scene import load_scene

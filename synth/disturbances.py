@@ -1,4 +1,4 @@
-r"""What acts on the pendulums beside the motion that is recorded: changes of gravity and of the case, and kicks.
+"""What acts on the pendulums beside the motion that is recorded: changes of gravity and of the case, and kicks.
 
 Some of it acts as a vertical acceleration does, but is no part of the recorded z'': sums of harmonics.
 

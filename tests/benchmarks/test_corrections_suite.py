@@ -182,8 +182,8 @@ def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: p
 
 def test_methods_that_decline_are_rows_beside_those_that_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corrections, "_compile", lambda name: None)
-    equal = {"amplitudes": (0.01, 0.01), "phases": (0.0, 0.3)}
-    beats = scenes.two_pendulums("beats", 1e-3, duration=600.0, sampling_rate=10, motion=[], **equal)
+    equal = (0.01, 0.01)
+    beats = scenes.two_pendulums("beats", 1e-3, duration=600.0, sampling_rate=10, motion=[], amplitudes=equal)
     found = corrections.measured(Kind("x", of(beats)), 1, ("panteleev", "projection"), 2, None)
     rows = {each["method"]: each for each in found}
     assert "a phase means nothing" in rows["panteleev"]["refused"]

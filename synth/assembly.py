@@ -15,7 +15,7 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene import Propagator, Scene
 from data_schemas.scene_conditions import felt_gravity
 from data_schemas.scene_pendulum import BeamSupport, BoardSupport, FrameSupport, FreeStart, ImpulseEscapement, Pendulum
-from synth.kicks import Kicks
+from synth.disturbances import Kicks
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.pendulums.linear import respond, start_state
 from synth.phase import Floats
@@ -41,8 +41,7 @@ class Assembly(NamedTuple):
 
         The states are (k, n), in the system's own units.
         """
-        if self.units is not None:
-            states = states * self.units
+        states = states if self.units is None else states * self.units
         first = self.system.first_angle
         angles = states[:, first::2].T
         if self.board is not None:

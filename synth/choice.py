@@ -32,19 +32,9 @@ _SUPPORTS = {"fixed": FIXED, "beam": BEAM, "reduced": REDUCED_BEAM, "frame": FRA
 
 
 def needs(scene: Scene) -> tuple[str, ...]:
-    """Terms of the equations of motion beyond viscous damping and horizontal motion.
-
-    Examples
-    --------
-    >>> from data_schemas.scene import load_scene
-    >>> from synth.shipped import scene_path
-    >>> needs(load_scene(scene_path("linear")))
-    ('the linear law', 'a fixed support')
-    """
+    """Terms of the equations of motion beyond viscous damping and horizontal motion."""
     pendulums = scene.pendulums
-    support: str = scene.support.kind
-    if scene.support.kind == "beam" and scene.support.equations == "reduced":
-        support = "reduced"
+    support = "reduced" if getattr(scene.support, "equations", None) == "reduced" else scene.support.kind
     drives = {each.escapement.kind for each in pendulums if each.escapement is not None}
     vertical = any(term.axis == "vertical" and term.kind != "still" for term in scene.motion)
     vertical |= scene.case is not None and scene.case.roll is not None
@@ -127,7 +117,7 @@ def choose(named: Propagator, asked: Sequence[str], fastest: Callable[[], float]
 
     `SceneError` if the scene names a propagator that cannot do it, or none can.
     """
-    unknown = [name for name in asked if not any(name in kind.known for kind in _KINDS.values())]
+    unknown = [name for name in asked if all(name not in kind.known for kind in _KINDS.values())]
     if unknown:
         raise SceneError(f"pendulums: no propagator knows {listed(unknown)}")
     aim = _SMOOTH_AIM if _KINKED.isdisjoint(asked) else _KINKED_AIM

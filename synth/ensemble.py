@@ -39,6 +39,7 @@ from synth.streaming import simulate_to, simulated
 if TYPE_CHECKING:
     import xarray as xr
 
+_Job = tuple[Scene, Path, Path]  # a member with its two files
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Range = tuple[float, float]
@@ -58,17 +59,6 @@ def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Va
 
     The seed is that of the ensemble, the scene's own if left out. `SceneError` if a key or range cannot be meant, at
     once; if a member's values are not allowed, when it is reached.
-
-    Examples
-    --------
-    >>> from data_schemas.scene import load_scene
-    >>> from synth import scene_path
-    >>> linear = load_scene(scene_path("linear"))
-    >>> [one.record_id for one in member_scenes(linear, 2)]
-    ['linear-0001', 'linear-0002']
-    >>> one, two = member_scenes(linear, 2, vary={"pendulums.0.start.phase": (0.0, 6.28)})
-    >>> one.pendulums[0].start.phase != two.pendulums[0].start.phase
-    True
     """
     if count < 1:
         raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
@@ -103,8 +93,8 @@ def value(scene: Scene, key: str) -> Any:
 def _place(values: dict[str, Any], key: str) -> tuple[Any, Any]:
     """The section or list that holds a key, and its place there; `SceneError` if there is no such key."""
     section: Any = None
-    within: Any = values
     place: Any = None
+    within: Any = values
     for word in key.split("."):
         section = within
         place = int(word) if isinstance(section, list) and word.isascii() and word.isdigit() else word
@@ -192,14 +182,8 @@ def simulate_ensemble(
     ------
     SceneError
         As `simulate`; for a key or range that cannot be meant, at once.
-    UsageError
-        If there is no worker.
-    WorkerError
-        If a process dies.
-
-    See Also
-    --------
-    synth.write_ensemble : to files.
+    UsageError, WorkerError
+        If there is no worker, or one dies.
 
     Examples
     --------
@@ -211,14 +195,8 @@ def simulate_ensemble(
     1 linear-0001 True
     2 linear-0002 True
     """
-    _refuse_workers(workers)
     pairs = in_order(simulated, member_scenes(scene, members, seed=seed, vary=vary), min(workers, members))
     return (Member(number, to_tree(record), to_tree(truth)) for number, (record, truth) in enumerate(pairs, start=1))
-
-
-def _refuse_workers(workers: int) -> None:
-    if workers < 1:
-        raise UsageError(f"workers = {workers}: give 1 or more")
 
 
 class Written(NamedTuple):
@@ -227,12 +205,6 @@ class Written(NamedTuple):
     manifest: Path  # Table of the members: number, seed, what varies, names of the files
     made: int
     kept: int  # Members whose files were there already
-
-
-class _Job(NamedTuple):
-    scene: Scene
-    record: Path
-    truth: Path
 
 
 def write_ensemble(
@@ -247,14 +219,12 @@ def write_ensemble(
 
     Parameters
     ----------
-    scene, members, seed, vary
+    scene, members, seed, vary, workers
         As `simulate_ensemble`.
     folder
         Of all files; it must exist.
     name
         What their names begin with; the scene's record_id if left out.
-    workers
-        Processes. With more than one, a script must have its work under ``if __name__ == "__main__":``.
     overwrite
         Make all members anew, whatever is there.
     progress
@@ -267,44 +237,39 @@ def write_ensemble(
 
     Raises
     ------
-    SceneError
-        As `simulate`; for keys, ranges and members' values that cannot be meant, before any work.
+    SceneError, UsageError, WorkerError
+        As `simulate_ensemble`; for keys, ranges and members' values that cannot be meant, before any work.
     FileError
         As `data_schemas.write`; and if a file is there that is not this member's, before any work.
-    UsageError
-        If there is no worker.
-    WorkerError
-        If a process dies.
     """
-    _refuse_workers(workers)
     name = scene.record_id if name is None else name
     manifest = Path(folder) / f"{name}.ensemble.csv"
     jobs = [
-        _Job(one, *(Path(folder) / f"{name}-{number:04d}.{kind}.nc" for kind in ("record", "truth")))
+        (one, Path(folder) / f"{name}-{number:04d}.record.nc", Path(folder) / f"{name}-{number:04d}.truth.nc")
         for number, one in enumerate(member_scenes(scene, members, seed=seed, vary=vary), start=1)
     ]
-    missing = [job for job in jobs if overwrite or not _is_made(job)]
+    missing = [job for job in jobs if overwrite or not _is_made(*job)]
     kept = len(jobs) - len(missing)
-    written = in_order(_write, missing, max(1, min(workers, len(missing))))
-    for done, _ in enumerate(written, start=kept + 1):
+    table = _table(jobs, list(vary or {}))
+    for done, _ in enumerate(in_order(_write, missing, min(workers, max(1, len(missing)))), start=kept + 1):
         if done == kept + 1:  # before the first is there, a table would speak of nothing
-            write_text(_table(jobs, list(vary or {})), manifest, overwrite=True)
+            write_text(table, manifest, overwrite=True)
         if progress is not None:
             progress(done, len(jobs))
     if not missing:
-        write_text(_table(jobs, list(vary or {})), manifest, overwrite=True)
+        write_text(table, manifest, overwrite=True)
     return Written(manifest, len(missing), kept)
 
 
 def _write(job: _Job) -> None:
     # what is there may be replaced: it is half of this member, or the caller said so
-    simulate_to(job.scene, job.record, job.truth, overwrite=True)
+    simulate_to(*job, overwrite=True)
 
 
-def _is_made(job: _Job) -> bool:
+def _is_made(scene: Scene, record: Path, truth: Path) -> bool:
     """Whether both files of a member are there, whole and of its scene; `FileError` if one is something else."""
-    scene, there = job.scene, 0
-    wanted = (job.record, "history", history(scene)), (job.truth, "scene", scene.model_dump_json())
+    there = 0
+    wanted = (record, "history", history(scene)), (truth, "scene", scene.model_dump_json())
     for path, attribute, content in wanted:
         if not path.exists():
             continue
@@ -326,9 +291,8 @@ def _table(jobs: list[_Job], keys: list[str]) -> str:
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["member", "seed", *keys, "record", "truth"])
-    for number, job in enumerate(jobs, start=1):
-        varied = [value(job.scene, key) for key in keys]
-        table.writerow([number, job.scene.seed, *varied, job.record.name, job.truth.name])
+    for number, (scene, record, truth) in enumerate(jobs, start=1):
+        table.writerow([number, scene.seed, *(value(scene, key) for key in keys), record.name, truth.name])
     return text.getvalue()
 
 
@@ -336,11 +300,16 @@ def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: in
     """Results of a function of some module for each job, in the order of the jobs.
 
     Jobs are taken as they are needed: no more than two to a worker are ahead of the results. With one worker all is
-    done in this process. `WorkerError` if a worker dies; what the function raises comes at its job's turn.
+    done in this process. `UsageError` at once if there is none, `WorkerError` if one dies; what the function raises
+    comes at its job's turn.
     """
-    if workers == 1:
-        yield from map(function, jobs)
-        return
+    if workers < 1:
+        raise UsageError(f"workers = {workers}: give 1 or more")
+    return map(function, jobs) if workers == 1 else _spread(function, jobs, workers)
+
+
+def _spread(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
+    """As `in_order`, in processes."""
     ahead: deque[Future[Result]] = deque()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_begin)
     try:

@@ -45,16 +45,6 @@ def explain(scene: Scene) -> Explanation:
     """Say which terms a scene has, who would integrate them, why, and how exactly.
 
     `SceneError` if the scene cannot be simulated.
-
-    Examples
-    --------
-    >>> from data_schemas.scene import load_scene
-    >>> from synth.shipped import scene_path
-    >>> told = explain(load_scene(scene_path("linear")))
-    >>> told.propagator, told.expected_error
-    ('closed form', 1e-15)
-    >>> told.terms["horizontal motion"]
-    '65 harmonics: sea and near-resonant'
     """
     clock = set_clock(scene)
     whole = plan(scene, clock)

@@ -1,29 +1,36 @@
-"""What a scene needs: its motion as one sum of harmonics, the answer of each pendulum, the moments."""
+"""What a scene needs: its motion as one sum of harmonics, the answer of each pendulum, the moments; and its evaluation:
+angles, free harmonics and acceleration at every sample, in chunks for files to be written.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene
 from data_schemas.scene_conditions import felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
-from synth.kicks import Kicks, kicks
-from synth.lift import gravity_change, lift_of_roll, mean_change, stiffening, tidal_change, tilt
-from synth.motion.harmonic_sum import HarmonicSum, add, harmonics, near_resonant, sea
+from synth.disturbances import Kicks, gravity_change, held, kicks, lifted, mean_change, tilt
+from synth.motion.harmonic_sum import HarmonicSum, Sums, add, harmonics, near_resonant, sea
 from synth.motion.tabulated import tabulated
-from synth.pendulums.linear import Response, respond
+from synth.pendulums.linear import Response, respond, start_state
+from synth.phase import Floats, Phasors
 from synth.propagators.times import EvenTimes, UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
 
 if TYPE_CHECKING:
     from synth.assembly import Assembly  # it brings numba
+
+CLOSED_FORM_ERROR = 1e-15
+WORST_ERROR = 1e-6  # Of the largest angle: what is estimated to be worse is no truth, and the scene is refused
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,11 @@ class Plan:
         return self.scene.simulation.tolerance
 
     @property
+    def worst_error(self) -> float:
+        """Estimated error, of the largest angle, beyond which the scene is refused."""
+        return max(WORST_ERROR, self.tolerance or 0.0)
+
+    @property
     def caution(self) -> str | None:
         """What to know of a yielding support's start before believing the motion, or None."""
         if self.scene.support.kind == "fixed":
@@ -83,14 +95,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     )
     pitch = None if case is None or case.pitch is None else tilt(case.pitch, motion, gravity, end)
     change = gravity_change(scene, end)
-    upright = math.cos(scene.conditions.tilt or 0.0)  # the share that a tilted plane of swing feels
-    changes = [each for each in (change, tidal_change(scene, end)) if each is not None]
-    lifts = [vertical, stiffening(scene)]
-    lifts += [replace(each, acceleration=upright * each.acceleration) for each in changes]
-    if case is not None and case.roll is not None:
-        roll = tilt(case.roll, transverse, gravity, end)
-        lifts.append(lift_of_roll(scene, roll, transverse, vertical, end))
-    lift = add(each for each in lifts if each is not None)
+    lift = lifted(scene, change, transverse, vertical, end)
     impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache
@@ -108,22 +113,11 @@ def plan(scene: Scene, clock: Clock) -> Plan:
         equations = assembly()
         return fastest_rate(equations.system, equations.start) * equations.time_scale / max(frequencies)
 
-    whole = Plan(
-        scene,
-        gravity,
-        motion,
-        vertical,
-        lift,
-        tuple(frequencies),
-        _responses(scene, frequencies, motion),
-        clock.times,
-        choose(scene.simulation.propagator, needs(scene), fastest),
-        assembly,
-        impulses,
-        change,
-        0.0 if change is None else mean_change(change, end),
-        pitch,
-    )
+    responses = _responses(scene, frequencies, motion)
+    choice = choose(scene.simulation.propagator, needs(scene), fastest)
+    mean = 0.0 if change is None else mean_change(change, end)
+    answers = lift, tuple(frequencies), responses, clock.times, choice, assembly, impulses
+    whole = Plan(scene, gravity, motion, vertical, *answers, change, mean, pitch)
     if not any(each.plane for each in scene.pendulums):
         return whole
     return replace(whole, planes=tuple(_alone(whole, transverse, place) for place in range(len(scene.pendulums))))
@@ -173,3 +167,110 @@ def _motion(scene: Scene, frequencies: list[float], end: float, axis: str) -> Ha
             case _:
                 terms.append(tabulated(term, end))
     return add(terms)
+
+
+class SampledMotion(NamedTuple):
+    """What happened, at samples."""
+
+    theta: Floats  # (pendulums, samples) angles, rad
+    free: Phasors | None
+    """(pendulums, samples) free harmonics Z, near-resonant beats included, rad; None for the sine law, which does not
+    superpose."""
+    slow: Floats | None
+    """(pendulums, samples) where `free` is None: what linear pendulums would answer to the support away from their own
+    frequency, rad; None too on a support that yields or is still."""
+    horizontal_acceleration: Floats
+    vertical_acceleration: Floats  # (samples,) m/s^2
+    estimated_error: float  # Of theta, relative to the largest angle
+    propagator: str  # By what, as the truth calls it
+    support_displacement: Floats | None  # (samples,) of a support that yields, m
+    gravity_change: Floats | None  # (samples,) what is added to the scene's gravity, m/s^2
+
+
+def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]:
+    """Evaluate a plan at the clock's moments, chunk by chunk, in order of time.
+
+    A scene always falls into the same chunks, so that a record is the same bits in memory and streamed to a file.
+    Chunks without a sample are left out.
+
+    `SceneError` if the motion is so violent that it cannot be known. `RefusedError` if no propagator can do it; the
+    message holds their reasons.
+    """
+    planes, count = plan.planes or (plan,), len(plan.frequencies)
+    in_closed_form = plan.choice.propagator == "closed-form"
+    whole = [] if in_closed_form else [_angles(each, clock) for each in planes]
+    error = max((each[1] for each in whole), default=CLOSED_FORM_ERROR)
+    propagator = whole[0][2] if whole else plan.propagator
+    if not error <= plan.worst_error:
+        raise SceneError(
+            "pendulums: the motion is chaotic or nearly so, its estimated error is"
+            f" {error:.1g} of the angle; make the swing or the acceleration smaller, the duration"
+            " shorter, or give simulation.tolerance if that will do"
+        )
+    answers_slowly = bool(plan.responses) and bool(plan.motion.angular_frequency.size or not plan.choice.integrates)
+    forced = [_forced(each) for each in planes] if answers_slowly else []
+    done = 0
+    for part in clock.chunks():
+        here, times, kept = slice(done, done + part.times.count), part.times, part.kept
+        done = here.stop
+        if not part.count:
+            continue
+        free = slow = None
+        if in_closed_form:
+            rows = np.vstack([times.elongation(each.responses) for each in planes])
+            free = np.array([times.free_harmonic(one)[kept] for each in planes for one in each.responses])
+        else:
+            rows = np.vstack([angles[:, here] for angles, _, _ in whole])
+            slow = np.vstack([times.values(each) for each in forced])[:, kept] if answers_slowly else None
+        theta = rows[:count, kept]
+        for place, begin, end, angle in held(plan.scene, plan.kicks):
+            theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
+        sideways, upwards = (times.acceleration(each)[kept] for each in (plan.motion, plan.vertical))
+        support = rows[count, kept] if len(rows) > count else None
+        change = None if plan.gravity_change is None else times.acceleration(plan.gravity_change)[kept]
+        yield part, SampledMotion(theta, free, slow, sideways, upwards, error, propagator, support, change)
+
+
+def _forced(plan: Plan) -> Sums:
+    """Steady answers of the pendulums to the harmonics away from n, rad."""
+    return Sums(plan.motion.angular_frequency, np.array([each.forced for each in plan.responses]), plan.motion.combs)
+
+
+def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:
+    """At all moments of a clock, recorded or not, by collocation or a general integrator; where the first refuses or
+    errs too much, by its substitutes.
+
+    Returned are (pendulums, moments) rad, with the displacement of a support that yields, m, as the last row; the
+    estimated error of the largest angle; the propagator.
+    """
+    choice = plan.choice
+    if choice.propagator == "picard":
+        try:
+            theta, error = _collocated(plan)
+        except RefusedError:
+            if not choice.instead:
+                raise
+        else:
+            if error <= plan.worst_error or not choice.instead:
+                return theta, error, plan.propagator
+    from synth.assembly import integrated  # only here: it brings numba
+
+    able = [choice.propagator, *choice.instead] if choice.integrates else choice.instead
+    seconds = Clock(clock.times, slice(None), clock.scale).true_seconds
+    asked = choice.aim if plan.tolerance is None else plan.tolerance
+    rows, error, name = integrated(plan.assembly(), able, seconds, asked)
+    return rows, error, NAMES[name]
+
+
+def _collocated(plan: Plan) -> tuple[Floats, float]:
+    """Angles, (pendulums, moments) rad, and their estimated error."""
+    from synth.propagators.picard import PicardPlan  # only here: it brings numba
+
+    responses = plan.responses
+    frequencies, rates = (
+        np.array([getattr(each, name) for each in responses]) for name in ("frequency", "damping_rate")
+    )
+    starts, is_linear = np.array([start_state(each) for each in responses]), plan.scene.restoring == "linear"
+    motion = plan.motion, plan.lift, plan.gravity
+    # samples of a clock are in order of time, none before the start
+    return PicardPlan(frequencies, rates, starts, *motion, plan.times, is_linear, plan.kicks).elongation()

@@ -12,14 +12,15 @@ from data_schemas.appending import Appended
 from data_schemas.contents import Contents, Entry, Group, to_tree
 from data_schemas.scene import Scene
 from data_schemas.shield import shielded
-from synth.plan import plan
-from synth.propagate import propagate
+from synth.plan import plan, propagate
 from synth.recording.apparatus import Apparatus
 from synth.recording.clock import Clock, set_clock
 from synth.recording.observe import Unwrapping, observe, reveal
 
 if TYPE_CHECKING:
     import xarray as xr
+
+_Path = str | os.PathLike[str]
 
 
 def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
@@ -36,8 +37,8 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
 
 def simulated(scene: Scene) -> tuple[Contents, Contents]:
     """Record and truth of a scene as plain contents; what `simulate` makes trees of."""
-    record, truth = (_joined(chunks) for chunks in zip(*stream(scene, set_clock(scene)), strict=True))
-    return record, truth
+    records, truths = zip(*stream(scene, set_clock(scene)), strict=True)
+    return _joined(records), _joined(truths)
 
 
 def _joined(chunks: Sequence[Contents]) -> Contents:
@@ -79,10 +80,6 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
         If the scene asks for what cannot be: a table that is not there or too short, a pendulum that does not
         swing.
 
-    See Also
-    --------
-    synth.simulate_to : straight to files, in bounded memory.
-
     Examples
     --------
     >>> from data_schemas.scene import load_scene
@@ -97,18 +94,18 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
 
 def simulate_to(
     scene: Scene,
-    record_path: str | os.PathLike[str],
-    truth_path: str | os.PathLike[str],
+    record_path: _Path,
+    truth_path: _Path,
     *,
     overwrite: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> int:
     """Simulate a scene straight to its two files, chunk by chunk.
 
-    The files are those that `simulate` and `data_schemas.write` make, bit for bit (`content_sha256` tells), but no more
-    than a chunk of them is ever in memory. Two things grow with the record all the same: the times of samples at uneven
-    moments or with some dropped (some tens of bytes a sample), and the motion where it is not the closed form (8 bytes
-    a sample and state; twice that for a moment).
+    The files are those that `simulate` and `data_schemas.write` make, bit for bit, but no more than a chunk of them is
+    ever in memory. Two things grow with the record all the same: the times of samples at uneven moments or with some
+    dropped (some tens of bytes a sample), and the motion where it is not the closed form (8 bytes a sample and state;
+    twice that for a moment).
 
     Parameters
     ----------
@@ -155,9 +152,9 @@ def simulate_to(
             done += record_chunk[""].variables["time"].values.size
             if progress is not None:
                 progress(done, clock.count)
-        for file in (record, truth):
-            file.finish()
+        record.finish()
+        truth.finish()
         with shielded():  # both or neither
-            for file in (record, truth):
-                file.publish()
+            record.publish()
+            truth.publish()
     return clock.count

@@ -24,9 +24,9 @@ import data_schemas
 from data_schemas.scene import Scene
 from pipeline.arrays import Floats
 from pipeline.benchmarks import scenes
-from pipeline.benchmarks.honesty.kinds import Case
-from pipeline.benchmarks.honesty.records import of_case
-from pipeline.benchmarks.honesty.suite import reduced
+from pipeline.benchmarks.honesty import reduced
+from pipeline.benchmarks.kinds import Case
+from pipeline.benchmarks.records import of_case
 from pipeline.benchmarks.tables import Row, at_most, command, progress, rounds, times
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import gather

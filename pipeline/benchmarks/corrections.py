@@ -19,12 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from pipeline.benchmarks.honesty.records import Made, record
-from pipeline.benchmarks.honesty.suite import reduced
+from pipeline.benchmarks.honesty import reduced
+from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, draws, kept, progress, write
+from pipeline.benchmarks.tables import Row, draws, kept, progress, rms, write
 from pipeline.methods import PAIR_METHODS
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
 from pipeline.processing import process
@@ -90,11 +88,8 @@ tried."""
 
 def kinds(*, quick: bool) -> list[Kind]:
     """All kinds: linear pendulums, then real ones, whose records are shorter when quick."""
-    return [*LINEAR, *(Kind(name, partial(_real, name, 600.0 if quick else None), real=True) for name in REAL)]
-
-
-def _real(kind: str, duration: float | None, seed: int) -> Made:
-    return record(kind, "middle", seed, duration=duration)
+    duration = 600.0 if quick else None
+    return [*LINEAR, *(Kind(name, partial(record, name, "middle", duration=duration), real=True) for name in REAL)]
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -157,7 +152,7 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
         spread[row["method"]].append(row["error_mgal"])
     pattern = (
         all(abs(errors[name]) <= limit for name, limit in kind.right.items())
-        and all(float(np.sqrt(np.mean(np.square(spread[name])))) >= limit for name, limit in kind.wrong.items())
+        and all(rms(spread[name]) >= limit for name, limit in kind.wrong.items())
         and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
     )
     return {"case": kind.name, **errors, "silently_wrong": " ".join(silent), "pass": pattern and not silent}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
-from pipeline.benchmarks.tables import Row
+from pipeline.benchmarks.tables import Row, rms
 from pipeline.film.digitise import read
 from pipeline.film.reading import Reading
 
@@ -84,11 +84,6 @@ def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
     accuracy = {"normal_px": rms(error[read]), "flat_px": rms(error[flat]), "accepted": ratio(read.sum(), lit.sum())}
     more = {"wrong_unflagged": wrong, "amplitude_bias": bias(position, column, read)}
     return {**accuracy, **more, "crossings": crossed, "swaps": swapped}
-
-
-def rms(values: Floats) -> float:
-    """Root mean square; NaN of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 def ratio(part: Any, whole: Any) -> float:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
-from pipeline.benchmarks.honesty.kinds import Case
-from pipeline.benchmarks.honesty.records import Made
+from pipeline.benchmarks.records import Made
 from pipeline.gravity import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
@@ -24,15 +23,11 @@ HARMONICS = 24
 SWELL_PERIODS = (4.0, 20.0)  # s
 SWAY = 0.03  # rad, largest slow elongation of the real pendulums
 
-Motion = list[dict[str, Any]]
 
-
-def swell(
-    peak: float = SWELL, seed: int = 24, gravity: float = GRAVITY, periods: tuple[float, float] = SWELL_PERIODS
-) -> dict[str, Any]:
+def swell(peak: float = SWELL, seed: int = 24, gravity: float = GRAVITY) -> dict[str, Any]:
     """Harmonics of random period and phase that a pendulum answers with slow elongations up to `peak` rad."""
     chance = np.random.default_rng(seed)
-    period = chance.uniform(*periods, HARMONICS)
+    period = chance.uniform(*SWELL_PERIODS, HARMONICS)
     phase = chance.uniform(0.0, 2.0 * np.pi, HARMONICS)
     rate = 2.0 * np.pi / period
     time = np.arange(0.0, DURATION, 0.25)
@@ -45,34 +40,28 @@ def swell(
     return {"kind": "harmonics", **{name: value.tolist() for name, value in values.items()}}
 
 
-def resonant(share_of_gravity: float = 4e-5, detuning: float = 0.026, phase: float = 1.0) -> dict[str, Any]:
+def resonant() -> dict[str, Any]:
     """Vibration close to the first pendulum's own frequency."""
-    amplitude = share_of_gravity * GRAVITY
-    return {"kind": "near-resonant", "amplitude": amplitude, "detuning": detuning, "phase": phase}
+    return {"kind": "near-resonant", "amplitude": 4e-5 * GRAVITY, "detuning": 0.026, "phase": 1.0}
 
 
 def two_pendulums(
-    record_id: str, relative_difference: float, *, motion: Motion | None = None,
-    amplitudes: tuple[float, float] = (0.006, 0.012), phases: tuple[float, float] = (0.4, 2.2),
-    damping_rates: tuple[float, float] = (0.0, 0.0), gravity: float = GRAVITY, duration: float | None = None,
-    restoring: str = "linear", seed: int = 0, **recording: Any,
+    record_id: str, relative_difference: float, *, motion: list[dict[str, Any]] | None = None,
+    amplitudes: tuple[float, float] = (0.006, 0.012), damping_rates: tuple[float, float] = (0.0, 0.0),
+    gravity: float = GRAVITY, duration: float | None = None, restoring: str = "linear", seed: int = 0, **recording: Any,
 ) -> Scene:  # fmt: skip
     """Two pendulums on a moving support, swell by default, for half an hour.
 
-    `relative_difference` is eps = (n1 - n2)/n2, amplitudes and phases are of the free harmonics at the start, rad,
-    `seed` is of all chance in the scene, `recording` are fields of the scene's recording.
+    `relative_difference` is eps = (n1 - n2)/n2, amplitudes are of the free harmonics at the start, rad, `seed` is of
+    all chance in the scene, `recording` are fields of the scene's recording.
     """
-    periods = (PERIOD / (1.0 + relative_difference), PERIOD)
-    pendulums = [
-        {"label": label, "period": period, "damping_rate": damping_rate,
-         "start": {"kind": "free", "amplitude": amplitude, "phase": phase}}
-        for label, period, damping_rate, amplitude, phase in zip(
-            "12", periods, damping_rates, amplitudes, phases, strict=True)
-    ]  # fmt: skip
+    pendulums = []
+    for k, period in enumerate((PERIOD / (1.0 + relative_difference), PERIOD)):
+        start = {"kind": "free", "amplitude": amplitudes[k], "phase": (0.4, 2.2)[k]}
+        pendulums.append({"label": str(k + 1), "period": period, "damping_rate": damping_rates[k], "start": start})
     world = {"restoring": restoring, "gravity": gravity, "reference_gravity": REFERENCE, "pendulums": pendulums}
     world |= {"motion": [swell()] if motion is None else motion, "recording": recording}
-    length = DURATION if duration is None else duration
-    return Scene.model_validate({"record_id": record_id, "seed": seed, "duration": length, **world})
+    return Scene.model_validate({"record_id": record_id, "seed": seed, "duration": duration or DURATION, **world})
 
 
 def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
@@ -93,10 +82,9 @@ def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     return two_pendulums("real", relative_difference, **({"restoring": "sine"} | given | changes))
 
 
-def real_heave(relative_difference: float = 1e-4, **changes: Any) -> Scene:
+def real_heave(**changes: Any) -> Scene:
     """As `real`, in heavier swell and in heave, which the record holds."""
-    given: dict[str, Any] = {"motion": [swell(2.0 * SWAY), heave()], "vertical_acceleration": True}
-    return real(relative_difference, **(given | changes))
+    return real(motion=[swell(2.0 * SWAY), heave()], vertical_acceleration=True, **changes)
 
 
 def prepared(scene: Scene) -> Prepared:
@@ -113,4 +101,4 @@ def errors(scene: Scene, *methods: str) -> dict[str, float]:
 
 def made(scene: Scene) -> Made:
     """A scene's record as the suite `honesty` has its own; gravity does not change."""
-    return Made(simulate(scene)[0], scene.gravity, Case(), scene.gravity * np.eye(6)[0])
+    return Made(simulate(scene)[0], scene.gravity, scene.gravity * np.eye(6)[0])

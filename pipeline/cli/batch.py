@@ -36,7 +36,7 @@ examples:
 
 exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
 
-TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}
+_TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}  # as dask names them
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("batch: --executor serial has one process; leave --jobs and --scheduler out")
     if options.scheduler is not None and options.jobs is not None:
         raise UsageError("batch: --jobs is about this machine; with --scheduler the cluster's workers count")
-    given = [getattr(options, name) for name in TLS]
+    given = [getattr(options, name) for name in _TLS]
     if any(given) and not (all(given) and (options.scheduler or "").startswith("tls://")):
         raise UsageError("batch: --tls-ca, --tls-cert and --tls-key go together, with --scheduler tls://HOST:PORT")
     for path in filter(None, given):
@@ -87,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
     if options.force and (options.resume or options.retry_failed):
         raise UsageError("batch: --force does everything anew, --resume keeps what was done; give one of them")
 
+    options.security = {of_dask: path for of_dask, path in zip(_TLS.values(), given, strict=True) if path is not None}
     from pipeline.cli.batch_jobs import run_batch  # what works is imported only here
 
     return run_batch(options)

@@ -1,4 +1,4 @@
-"""The work of `isochrony batch`: its jobs from the words of the command line, and what it tells of them."""
+"""The work of `isochrony batch`: kinds of input, jobs from the words of the command line, what is told of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import data_schemas
 import synth
@@ -18,11 +18,9 @@ from data_schemas.errors import FileError, UsageError
 from pipeline.batch import campaign
 from pipeline.batch.campaign import Job, Tally, holds
 from pipeline.batch.inputs import MOST, Input, Variant, find_inputs, grid, parse_sweep
-from pipeline.batch.job import Config
+from pipeline.batch.job import Allow, Config, Kind
 from pipeline.batch.ledger import NAME, Index, Ledger, Log
 from pipeline.batch.summary import NAMES, write_summary
-from pipeline.cli.batch import TLS
-from pipeline.cli.batch_kinds import KINDS, member_of
 from pipeline.cli.files import exit_status, folder_for_output, orderly, refuse_clashes
 from pipeline.cli.parser import processors
 from pipeline.cli.process import reduction_options, requested_methods
@@ -30,10 +28,68 @@ from pipeline.cli.summary_rows import failure, in_order
 from pipeline.cli.tables import complain, print_json, progress
 from pipeline.provenance import command_line, versions
 
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from data_schemas.scene import Scene
+
 _MIB = 1 << 20
 _MOST_TOLD = 10  # faults on stderr; the summary has all
 _FEW = 4  # inputs named
 _LONGEST = 4096  # letters of a path
+_TIFF = (".tif", ".tiff")
+
+
+def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:
+    """A record file: looked over, then read."""
+    return data_schemas.read(path, declared=allow)
+
+
+def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
+    """A scene, or a member of it: simulated, its truth forgotten."""
+    scene = data_schemas.load_scene(path, allow_paths=config.allow_paths)
+    if config.member:
+        scene = member_of(scene, config.member, config.variant)
+    allow(8 * scene.count * (len(scene.traces) + 1))
+    record, _ = synth.simulate(scene)
+    return record
+
+
+def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
+    """The scene of one point of a grid, with a seed of its own.
+
+    `SceneError` for a key that the scene does not have, or a value that is not allowed.
+    """
+    from synth.ensemble import member, member_scenes
+
+    vary: dict[str, Any] = {key: lambda _chance, value=value: value for key, value in variant}
+    next(member_scenes(scene, 1, vary=vary))  # an unknown key is told with the nearest known one
+    return member(scene, number, vary=vary)
+
+
+def digitise_film(path: Path, _config: Config, allow: Allow) -> DataTree:
+    """The scan of a film: read by what stands in NAME.film.toml beside it."""
+    from pipeline.film.digitise import digitise
+
+    # read piece by piece, the rows' arrays apart; other formats than TIFF are decoded whole, from a fifth of their size
+    piecewise = path.suffix.lower() in _TIFF
+    allow(path.stat().st_size // 8 if piecewise else 5 * path.stat().st_size)
+    return digitise(path)
+
+
+def description_beside(path: Path) -> Path:
+    """Where the description of a film is kept."""
+    from data_schemas.film_description import description_path
+
+    return description_path(path)
+
+
+KINDS = (
+    Kind("record", (".record.nc", ".nc"), read_record),
+    Kind("film", _TIFF, digitise_film, beside=description_beside),
+    Kind("film as PNG or JPEG", (".png", ".jpg", ".jpeg"), digitise_film, searched=False, beside=description_beside),
+    Kind("scene", (".toml",), simulate_scene, searched=False),
+)  # All kinds, by the endings of their files
 
 
 def run_batch(options: argparse.Namespace) -> int:
@@ -86,8 +142,7 @@ def _executor(options: argparse.Namespace, jobs: list[Job]) -> Any:
     if options.scheduler is not None:
         from pipeline.batch.cluster import clustered
 
-        security = {TLS[name]: value for name in TLS if (value := getattr(options, name)) is not None}
-        return partial(clustered, address=options.scheduler, security=security, told=complain, **limits)
+        return partial(clustered, address=options.scheduler, security=options.security, told=complain, **limits)
     from pipeline.batch.executors import pooled, serial
 
     if options.executor == "serial":

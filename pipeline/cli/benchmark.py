@@ -59,24 +59,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     own.add_argument("--seeds", metavar="N", type=positive("--seeds"), help="records of each kind (default 5)")
 
 
-def module_of(suite: str) -> str:
-    """Module with the suite's ``run(*, quick, folder) -> rows``."""
-    return f"pipeline.benchmarks.{'honesty.suite' if suite == 'honesty' else suite}"
-
-
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
-    from pipeline.benchmarks import history
-    from pipeline.benchmarks.tables import write
+    from pipeline.benchmarks import tables
 
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
-    ratios = Path(options.history) if options.history else None if folder is None else folder / history.NAME
+    ratios = Path(options.history) if options.history else None if folder is None else folder / tables.HISTORY
     if ratios is not None:
-        history.read(ratios)  # that it is one is told before the work
+        tables.read_history(ratios)  # that it is one is told before the work
     own = _own(options)
-    suite = importlib.import_module(module_of(options.suite))
+    suite = importlib.import_module(f"pipeline.benchmarks.{options.suite}")
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
@@ -89,9 +83,9 @@ def run(options: argparse.Namespace) -> int:
             print("\n" * (number > 0), end="")
             print_table(table)
         if folder is not None:
-            write(folder / f"{options.suite}{f'-{next(iter(table[0]))}' if number else ''}.csv", table)
+            tables.write(folder / f"{options.suite}{f'-{next(iter(table[0]))}' if number else ''}.csv", table)
     if ratios is not None:
-        history.append(ratios, options.suite, rows, quick=options.quick)
+        tables.append_history(ratios, options.suite, rows, quick=options.quick)
     judged = [bool(row["pass"]) for row in rows if row.get("pass") is not None]
     if all(judged):
         return 0

@@ -33,12 +33,12 @@ from data_schemas.shield import shielded
 from data_schemas.text_files import toml_text
 from data_schemas.variables import attributes
 from data_schemas.writing import beside, give_name, may_write, place_of, reason, write_text
+from synth import load_film
 from synth.film.layout import STRIP, FilmPlan, Pixels, plan_film
 from synth.film.source import source_of
 from synth.film.strips import Crossings, Development, Exposure, blurred, quantised
 from synth.phase import Floats
 from synth.recording.observe import described, label_array
-from synth.shipped import load_film
 
 if TYPE_CHECKING:
     import xarray as xr

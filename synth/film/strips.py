@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.film.dirt import Dirt
-from synth.film.layout import STRIP, FilmPlan, Pixels
-from synth.film.shutter import Light
+from synth.film.layout import STRIP, FilmPlan, Light, Pixels
 from synth.film.source import Curves
 from synth.kernels.compiled import kernel
 from synth.phase import Floats, Integers

@@ -106,17 +106,7 @@ _GAP = 1.5  # typical steps: across a longer one, a wave too comes far
 
 
 def first_jump(seconds: Floats, values: Floats) -> int | None:
-    """Place of the reading before the first jump, or None; times increase, s.
-
-    Examples
-    --------
-    >>> seconds = np.arange(100.0)
-    >>> swell = np.cos(0.6 * seconds)
-    >>> first_jump(seconds, swell) is None
-    True
-    >>> first_jump(seconds, swell + (seconds > 40.0))
-    40
-    """
+    """Place of the reading before the first jump, or None; times increase, s."""
     steps, rises = np.diff(seconds), np.diff(values)
     if rises.size <= _FEWEST + 1:
         return None
@@ -170,7 +160,12 @@ def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
         if first is None:
             raise SceneError(f"{path}: is empty; give a table with a time and a value column")
         names = [cell.strip() for cell in first]
-        has_header = not all(_is_number(cell) for cell in names)
+        has_header = False
+        try:
+            for cell in names:
+                float(cell)
+        except ValueError:
+            has_header = True
         places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
         try:
             for row in rows if has_header else chain([first], rows):
@@ -178,16 +173,8 @@ def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
         except (ValueError, IndexError):
             what = f"column {term.time!r} or {term.value!r}"
             raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None
-    table = np.array(numbers).reshape(-1, 2)
-    return table[:, 0].copy(), table[:, 1].copy()
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    seconds, values = np.array(numbers).reshape(-1, 2).T.copy()
+    return seconds, values
 
 
 def _place(path: Path, names: list[str], width: int, column: int | str) -> int:

@@ -28,9 +28,9 @@ from functools import cached_property
 import numpy as np
 
 from data_schemas.errors import RefusedError
+from synth.disturbances import Kicks
 from synth.kernels.collocation import NODES
 from synth.kernels.picard import march
-from synth.kicks import Kicks
 from synth.motion.harmonic_sum import HarmonicSum, Sums
 from synth.pendulums.linear import NEAR_RESONANT_BAND
 from synth.phase import Floats

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Accelerometer, TraceErrors
 from data_schemas.variables_record import ELONGATION_FLAGS
-from synth.lift import shifted
+from synth.disturbances import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats, Integers
-from synth.plan import Plan
-from synth.propagate import SampledMotion, propagate
+from synth.plan import Plan, SampledMotion, propagate
 from synth.propagators.times import UnevenTimes
 from synth.recording.clock import Clock
 from synth.seeds import generator
@@ -54,12 +53,13 @@ class Apparatus:
         flags[np.isnan(rows)] |= _GAP
         ends = [clock.begin, clock.begin + clock.count]
         for trace, chance, row, lost in zip(self._scene.traces, self._chance, rows, flags, strict=True):
-            if chance.noise is not None:
-                row += chance.noise.normal(scale=recording.noise, size=row.size)
-            here = slice(*np.searchsorted(chance.outliers, ends))
-            row[chance.outliers[here] - clock.begin] += chance.errors[here]
-            here = slice(*np.searchsorted(chance.missing, ends))
-            lost[chance.missing[here] - clock.begin] |= _GAP
+            noise, outliers, errors, missing = chance
+            if recording.noise:
+                row += noise.normal(scale=recording.noise, size=row.size)
+            here = slice(*np.searchsorted(outliers, ends))
+            row[outliers[here] - clock.begin] += errors[here]
+            here = slice(*np.searchsorted(missing, ends))
+            lost[missing[here] - clock.begin] |= _GAP
             limits = [each.clip for each in self._errors(trace.name) if each.clip is not None]
             if limits:
                 np.clip(row, -min(limits), min(limits), out=row)
@@ -112,16 +112,8 @@ class Apparatus:
         return value
 
 
-class _Chance(NamedTuple):
-    """What befalls one trace: its noise as it comes, and which samples are outliers or missing, increasing."""
-
-    noise: np.random.Generator | None
-    outliers: Integers
-    errors: Floats
-    missing: Integers
-
-
-def _chance(scene: Scene, trace: str, count: int) -> _Chance:
+def _chance(scene: Scene, trace: str, count: int) -> tuple[np.random.Generator, Integers, Floats, Integers]:
+    """What befalls one trace: its noise as it comes; its outliers, increasing, and their sizes; what is missing."""
     recording = scene.recording
 
     def some(chance: np.random.Generator, number: int) -> Integers:
@@ -131,8 +123,7 @@ def _chance(scene: Scene, trace: str, count: int) -> _Chance:
     where = some(signs, recording.outliers)
     errors = recording.outlier_amplitude * signs.choice([-1.0, 1.0], size=where.size)
     order = np.argsort(where)
-    missing = np.sort(some(losses, recording.missing_samples))
-    return _Chance(noise if recording.noise else None, where[order], errors[order], missing)
+    return noise, where[order], errors[order], np.sort(some(losses, recording.missing_samples))
 
 
 def combination(scene: Scene) -> Floats:

@@ -71,13 +71,7 @@ class Clock:
 
 
 def true_time_scale(rate: float) -> Fraction:
-    """True time over that of a chronometer which loses `rate` seconds a day.
-
-    Examples
-    --------
-    >>> float(true_time_scale(86.4))
-    1.001
-    """
+    """True time over that of a chronometer which loses `rate` seconds a day."""
     return 1 + Fraction(str(rate)) / _DAY
 
 

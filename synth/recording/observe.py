@@ -17,8 +17,7 @@ from data_schemas.scene_conditions import frequency
 from data_schemas.scene_recording import Accelerometer
 from data_schemas.variables import attributes
 from synth.phase import Floats, Phasors
-from synth.plan import Plan
-from synth.propagate import SampledMotion
+from synth.plan import Plan, SampledMotion
 from synth.recording.apparatus import Apparatus, combination, stamps
 from synth.recording.clock import Clock
 from synth.seeds import generator

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,8 @@ import pytest
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from pipeline.benchmarks import corrections, scenes
-from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, _real, kinds
-from pipeline.benchmarks.honesty.records import Made
+from pipeline.benchmarks.corrections import METHODS, REAL, SWELLS, Kind, kinds
+from pipeline.benchmarks.records import Made, record
 
 
 @pytest.mark.parametrize("quick", [True, False])
@@ -28,7 +27,7 @@ def test_every_kind_has_a_name_of_its_own(quick: bool) -> None:
 
 def test_real_records_are_those_of_the_suite_honesty() -> None:
     """Shorter when quick; another seed is another record."""
-    short, other = (partial(_real, "swell", 30.0)(seed) for seed in (24, 25))
+    short, other = (record("swell", "middle", seed, duration=30.0) for seed in (24, 25))
     assert float(short.tree["time"][-1]) == pytest.approx(30.0, abs=0.2)
     assert short.gravity != other.gravity
 
@@ -183,8 +182,8 @@ def test_a_record_that_is_declined_as_a_whole_is_declined_by_each(monkeypatch: p
 
 def test_methods_that_decline_are_rows_beside_those_that_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(corrections, "_compile", lambda name: None)
-    equal = {"amplitudes": (0.01, 0.01), "phases": (0.0, 0.3)}
-    beats = scenes.two_pendulums("beats", 1e-3, duration=600.0, sampling_rate=10, motion=[], **equal)
+    equal = (0.01, 0.01)
+    beats = scenes.two_pendulums("beats", 1e-3, duration=600.0, sampling_rate=10, motion=[], amplitudes=equal)
     found = corrections.measured(Kind("x", of(beats)), 1, ("panteleev", "projection"), 2, None)
     rows = {each["method"]: each for each in found}
     assert "a phase means nothing" in rows["panteleev"]["refused"]

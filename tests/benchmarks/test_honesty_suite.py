@@ -13,9 +13,10 @@ from scipy.integrate import solve_ivp
 
 import data_schemas
 from data_schemas.errors import UsageError
-from pipeline.benchmarks.honesty import plain, suite
-from pipeline.benchmarks.honesty.kinds import KINDS, MIXABLE, STRENGTHS
-from pipeline.benchmarks.honesty.records import record
+from pipeline.benchmarks import honesty as suite
+from pipeline.benchmarks import plain
+from pipeline.benchmarks.kinds import KINDS, MIXABLE, STRENGTHS
+from pipeline.benchmarks.records import record
 from pipeline.cli.main import main
 
 compiled = pytest.mark.compiled

@@ -230,7 +230,7 @@ def test_benchmark_wants_a_folder(run, record_path):
 def test_every_listed_suite_exists(name):
     import importlib
 
-    assert callable(importlib.import_module(benchmark.module_of(name)).run)
+    assert callable(importlib.import_module(f"pipeline.benchmarks.{name}").run)
 
 
 def test_import_takes_what_a_logger_wrote_beside_the_angles(run, tmp_path):

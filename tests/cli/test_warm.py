@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cli import main, warm
+from pipeline.cli import main, small
 from synth.kernels import cache
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(warm, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(small, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache, "WATCHERS", watchers := [])
-    monkeypatch.setattr(warm, "WATCHERS", watchers)
+    monkeypatch.setattr(small, "WATCHERS", watchers)
     return tmp_path
 
 
@@ -29,14 +29,14 @@ def test_steps_are_told_and_a_second_run_is_at_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "ready-0123").touch()
-    monkeypatch.setattr(warm, "_steps", lambda _: iter([("process", compile_two), ("digitise", lambda: None)]))
+    monkeypatch.setattr(small, "_steps", lambda _: iter([("process", compile_two), ("digitise", lambda: None)]))
     assert main.main(["warm"]) == 0
     told = capsys.readouterr()
     assert told.err.startswith("1 of 2: process: 2 kernels compiled, ")
     assert "2 of 2: digitise: 0 kernels compiled, " in told.err
     assert told.out.startswith("all kernels are ready: 2 compiled in ")
     assert len(list(folder.iterdir())) == 1
-    monkeypatch.setattr(warm, "_steps", None)
+    monkeypatch.setattr(small, "_steps", None)
     assert main.main(["warm"]) == 0
     assert capsys.readouterr().out == "all kernels are ready\n"
 
@@ -44,7 +44,7 @@ def test_steps_are_told_and_a_second_run_is_at_once(
 def test_steps_cover_every_scene(tmp_path: Path) -> None:
     import synth
 
-    names = [what for what, _ in warm._steps(tmp_path)]
+    names = [what for what, _ in small._steps(tmp_path)]
     assert {f"simulate {name}" for name in synth.scenes()} < set(names)
     assert names[0] == "process"
     assert names[-1] == "digitise"

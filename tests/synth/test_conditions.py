@@ -13,7 +13,7 @@ import data_schemas
 from data_schemas.scene import Scene
 from data_schemas.scene_conditions import felt_gravity, frequency
 from synth import simulate
-from synth.lift import stiffening
+from synth.disturbances import stiffening
 
 Maker = Callable[..., Scene]
 X, Z, RATE = 0.1, 0.08, 0.7  # m/s2, m/s2, rad/s

@@ -95,7 +95,7 @@ def test_truth_states_the_course_and_its_mean() -> None:
 
 
 def test_even_change_is_even_for_days() -> None:
-    from synth.lift import gravity_change
+    from synth.disturbances import gravity_change
     from synth.motion.harmonic_sum import HarmonicSum
     from synth.plan import plan
     from synth.recording.clock import set_clock

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import synth
 from data_schemas import content_sha256
 from data_schemas.scene import Scene
-from synth.kicks import Kicks
+from synth.disturbances import Kicks
 from synth.plan import plan
 from synth.recording.clock import set_clock
 

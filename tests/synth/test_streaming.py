@@ -178,7 +178,7 @@ def test_a_motion_that_turns_out_too_wild_leaves_nothing(
     make_scene: Maker, chunks_of: Callable[[int], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chunks_of(300)
-    monkeypatch.setattr("synth.propagate.CLOSED_FORM_ERROR", 1e-3)
+    monkeypatch.setattr("synth.plan.CLOSED_FORM_ERROR", 1e-3)
     with pytest.raises(SceneError, match=r"estimated error is 0\.001"):
         simulate_to(make_scene(), tmp_path / "a.record.nc", tmp_path / "a.truth.nc")
     assert list(tmp_path.iterdir()) == []

@@ -13,8 +13,8 @@ from scipy.interpolate import CubicSpline
 from test_method import in_sigmas, record, row
 
 from data_schemas.errors import RecordError, RefusedError
-from pipeline.benchmarks.honesty.kinds import Case, case_of
-from pipeline.benchmarks.honesty.records import of_case
+from pipeline.benchmarks.kinds import Case, case_of
+from pipeline.benchmarks.records import of_case
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import _bias, _white, gather
 

@@ -11,8 +11,8 @@ import xarray as xr
 
 from data_schemas.variables import attributes
 from pipeline import process
-from pipeline.benchmarks.honesty.kinds import Case
-from pipeline.benchmarks.honesty.records import Made, of_case
+from pipeline.benchmarks.kinds import Case
+from pipeline.benchmarks.records import Made, of_case
 from pipeline.joint import budget, kinds
 from pipeline.joint.fit import reduce
 from pipeline.joint.gather import gather

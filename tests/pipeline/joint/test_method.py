@@ -14,9 +14,9 @@ from data_schemas.errors import RefusedError
 from data_schemas.scene import Scene
 from data_schemas.scene_conditions import lightening
 from pipeline import process, summaries
-from pipeline.benchmarks.honesty.kinds import Case
-from pipeline.benchmarks.honesty.records import of_case
-from pipeline.benchmarks.honesty.records import record as honesty_record
+from pipeline.benchmarks.kinds import Case
+from pipeline.benchmarks.records import of_case
+from pipeline.benchmarks.records import record as honesty_record
 from pipeline.joint import choice
 from pipeline.joint.gather import gather
 from pipeline.joint.outliers import isolated

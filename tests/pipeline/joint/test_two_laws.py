@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.honesty.records import record as honesty_record
+from pipeline.benchmarks.records import record as honesty_record
 from pipeline.joint import fit as recipe
 from pipeline.joint.explanation import Candidate
 from pipeline.joint.gather import gather

@@ -7,7 +7,7 @@ import pytest
 from made_films import SMALL, latent, planned, rest
 
 from data_schemas.scene_film import Film
-from synth.film.shutter import light_of, set_marks
+from synth.film.layout import light_of, set_marks
 
 
 def test_marks_are_multiples_of_the_interval_and_minutes_have_two():

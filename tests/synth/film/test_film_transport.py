@@ -7,7 +7,7 @@ import pytest
 from made_films import SMALL, planned, rest
 
 from data_schemas.scene_film import Film
-from synth.film.shutter import Transport
+from synth.film.layout import Transport
 
 DRIVES = {
     "even": {},

@@ -1,4 +1,6 @@
-"""What acts on the pendulums as a vertical acceleration does, but is no part of the recorded z'': sums of harmonics.
+"""What acts on the pendulums beside the motion that is recorded: changes of gravity and of the case, and kicks.
+
+Some of it acts as a vertical acceleration does, but is no part of the recorded z'': sums of harmonics.
 
 With g the true gravity, E the Eotvos effect, b the tilt, W the rate of turn, l a pendulum's length,
 
@@ -22,32 +24,61 @@ turning adds `l b'^2 cos theta`, taken as `l b'^2` of the mean length (3e-3 mGal
 
 which is evaluated at even times, finely, and continued between them. Both are positive as elongations are: a case that
 follows the apparent vertical leans by -x''/g and -y''/g.
+
+Random kicks of each pendulum are white noise of the angular velocity, as impulses at an even step; what is done to a
+pendulum by hand comes at the nearest of these impulses too: a knock, a restart, a release.
+
+    d theta' = n k dW    becomes    theta' += n k sqrt(h) xi_j  at t = h, 2 h ...,    xi_j normal
+
+At 16 and more impulses a period the walk of amplitude and phase is that of white noise that begins half a step late:
+its variances are short by h/(2 t) of themselves, and between two impulses the angle lacks less than `0.2 k sqrt(h)`,
+5e-9 rad at k = 1e-7. The step depends on the sampling and the fastest pendulum alone, an impulse on the seed, the
+pendulum's label and its number: any propagator, in any chunks, gives the same motion.
 """
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
 from data_schemas.errors import SceneError
 from data_schemas.scene import Scene
-from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, period
+from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, frequency, period
 from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, Tilt
+from data_schemas.scene_pendulum import Clamp, Knock, Release, Restart
 from synth.kernels.tide import tide
-from synth.motion.harmonic_sum import HarmonicSum, harmonics
+from synth.motion.harmonic_sum import HarmonicSum, add, harmonics
 from synth.motion.tabulated import continued, tabulated
 from synth.phase import Floats
-from synth.propagators.times import EvenTimes
+from synth.propagators.times import EvenTimes, UnevenTimes
+from synth.seeds import generator
 
 _TURN = 1e-2  # rad that the slowest sine of an even change turns over the record
 _TIDAL_STEP, _BEYOND = 60.0, 64  # s; steps beyond the record on either side
 _EVEN = ((1.0, 1.5), (2.0, -0.3), (3.0, 1.0 / 30.0))
 """Sines c_k sin(k x) that add up to x (1 + x^6/140 ...): 7e-15 of the change at the record's end, rounding 4e-14."""
-_A_PERIOD = 16  # samples of the fastest harmonic of a tilt or an acceleration: of products of two, 8
+_A_TURN = 16  # samples of the fastest harmonic of a tilt or an acceleration: of products of two, 8
 _MARGIN = 256  # samples beyond the record on either side, where the continuation is rough
+_A_PERIOD = 16  # impulses of the fastest pendulum
+_BLOCK = 4096  # impulses of one generator
+
+
+def lifted(
+    scene: Scene, change: HarmonicSum | None, transverse: HarmonicSum, vertical: HarmonicSum, end: float
+) -> HarmonicSum:
+    """The vertical acceleration of the support with all that acts like it, m/s^2; `change` as `gravity_change` says."""
+    case, upright = scene.case, math.cos(scene.conditions.tilt or 0.0)  # the share that a tilted plane of swing feels
+    changes = [each for each in (change, tidal_change(scene, end)) if each is not None]
+    lifts = [vertical, stiffening(scene)]
+    lifts += [replace(each, acceleration=upright * each.acceleration) for each in changes]
+    if case is not None and case.roll is not None:
+        roll = tilt(case.roll, transverse, felt_gravity(scene), end)
+        lifts.append(lift_of_roll(scene, roll, transverse, vertical, end))
+    return add(each for each in lifts if each is not None)
 
 
 def stiffening(scene: Scene) -> HarmonicSum | None:
@@ -108,13 +139,7 @@ def tidal_change(scene: Scene, end: float) -> HarmonicSum | None:
 
 
 def mean_change(change: HarmonicSum, end: float) -> float:
-    """Mean from t = 0 to `end`, m/s^2.
-
-    Examples
-    --------
-    >>> round(mean_change(HarmonicSum(np.array([0.0, 2 * math.pi]), np.array([0.5, 1.0 + 0j])), 3.0), 15)
-    0.5
-    """
+    """Mean from t = 0 to `end`, m/s^2."""
     half = 0.5 * change.angular_frequency * end
     return float(np.sum(change.acceleration * np.exp(1j * half) * np.sinc(half / math.pi)).real)
 
@@ -143,7 +168,7 @@ def lift_of_roll(
     """What acts on pendulums in a rolling plane as a vertical acceleration does, m/s^2."""
     parts = (roll, transverse, vertical)
     fastest = max(float(np.max(each.angular_frequency, initial=0.1)) for each in parts)
-    step = Fraction(2.0 * math.pi / (_A_PERIOD * fastest)).limit_denominator(10**6)
+    step = Fraction(2.0 * math.pi / (_A_TURN * fastest)).limit_denominator(10**6)
     late = float(step) * _MARGIN
     times = EvenTimes(step, math.ceil(end / step) + 2 * _MARGIN)
 
@@ -156,3 +181,95 @@ def lift_of_roll(
     length = scene.reference_gravity * mean**2
     felt = (felt_gravity(scene) + along) * (np.cos(angle) - 1.0) - across * np.sin(angle) + length * rate**2
     return continued(felt, float(step), late)
+
+
+@dataclass(frozen=True)
+class Jump:
+    """What is done to a pendulum at an impulse."""
+
+    number: int
+    pendulum: int
+    angle: float
+    rate: float  # rad, of theta and theta'/n: what they become; of a knock, what is added to them
+    adds: bool  # Whether it is a knock
+
+
+@dataclass(frozen=True)
+class Kicks:
+    """Impulses of all pendulums; impulse `number`, from 0, comes at (number + 1) * step."""
+
+    step: Fraction  # h in s, true time; a multiple or a whole part of the sampling step
+    sizes: Floats  # (pendulums,) k sqrt(h), rad: standard deviation of the change of theta'/n
+    seed: int
+    labels: tuple[str, ...]  # Of the pendulums
+    jumps: tuple[Jump, ...] = ()
+
+    def changes(self, first: int, count: int) -> Floats:
+        """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n, rad.
+
+        Of shape (3, pendulums, count).
+        """
+        blocks = range(first // _BLOCK, -(-(first + count) // _BLOCK))
+        skip = first - blocks.start * _BLOCK
+        result = np.zeros((3, self.sizes.size, count))
+        result[0] = 1.0
+        for row, size, label in zip(result[2], self.sizes.tolist(), self.labels, strict=True):
+            if size:
+                drawn = np.concatenate([_block(self.seed, label, each) for each in blocks])
+                row[:] = size * drawn[skip : skip + count]
+        for each in self.jumps:
+            at = each.number - first
+            if 0 <= at < count:
+                kept = 1.0 if each.adds else 0.0
+                result[:, each.pendulum, at] = kept, each.angle, kept * result[2, each.pendulum, at] + each.rate
+        return result
+
+
+@functools.lru_cache(maxsize=64)
+def _block(seed: int, label: str, number: int) -> Floats:
+    return generator(seed, f"kicks {label} {number}").normal(size=_BLOCK)
+
+
+def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks | None:
+    """Impulses of a scene whose largest n is `fastest`, rad/s; None where no pendulum has any.
+
+    The times are those of the samples; none lies before t = 0.
+    """
+    intensity = np.array([each.kick_intensity for each in scene.pendulums])
+    if not intensity.any() and not scene.events:
+        return None
+    step = _step(times, 2.0 * math.pi / (_A_PERIOD * fastest))
+    labels = tuple(each.label for each in scene.pendulums)
+    jumps = []
+    for each in scene.events:
+        place, angle, rate = labels.index(each.pendulum), 0.0, 0.0
+        match each:
+            case Knock():
+                rate = each.change
+            case Restart():
+                angle, rate = each.angle, each.angular_velocity / frequency(scene, scene.pendulums[place])
+            case Release() | Clamp():
+                angle = each.angle
+        nearest = max(round(Fraction(each.time) / step) - 1, 0)
+        jumps.append(Jump(nearest, place, angle, rate, isinstance(each, Knock)))
+    return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
+
+
+def held(scene: Scene, kicks: Kicks | None) -> list[tuple[int, float, float, float]]:
+    """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
+    spans = []
+    for event, jump in zip(scene.events, kicks.jumps if kicks is not None else (), strict=True):
+        if isinstance(event, Release | Clamp) and kicks is not None:
+            at = float((jump.number + 1) * kicks.step)
+            begin, end = (-math.inf, at) if isinstance(event, Release) else (at, math.inf)
+            spans.append((jump.pendulum, begin, end, jump.angle))
+    return spans
+
+
+def _step(times: EvenTimes | UnevenTimes, longest: float) -> Fraction:
+    """Of impulses, at most `longest`: so that samples and impulses fall into the same pattern again and again."""
+    if isinstance(times, UnevenTimes):
+        return Fraction(math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1)) * times.scale
+    if times.step > longest:
+        return times.step / math.ceil(times.step / Fraction(longest))
+    return times.step * math.floor(longest / times.step)

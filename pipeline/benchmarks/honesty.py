@@ -11,15 +11,15 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.benchmarks.honesty.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
-from pipeline.benchmarks.honesty.plain import gravity_at
-from pipeline.benchmarks.honesty.records import Made, record
-from pipeline.benchmarks.tables import Row, at_most, kept, progress, write
+from pipeline.benchmarks.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
+from pipeline.benchmarks.plain import gravity_at
+from pipeline.benchmarks.records import Made, record
+from pipeline.benchmarks.tables import Row, at_most, kept, progress, rms, write
 from pipeline.plots.canvas import GREY, save, sheet
 
 if TYPE_CHECKING:
@@ -86,11 +86,7 @@ def _band(result: DataTree, made: Made) -> float:
         return math.nan
     course = result["course"].dataset
     truth = np.array([gravity_at(each, made.law) for each in np.asarray(result["time"].values)])
-    return _rms((course["gravity_course"].values - truth) * 1e5 / course["gravity_course_sigma"].values)
-
-
-def _rms(values: Any) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
+    return rms((course["gravity_course"].values - truth) * 1e5 / course["gravity_course_sigma"].values)
 
 
 def by_kind(rows: Sequence[Row]) -> list[Row]:
@@ -124,11 +120,11 @@ def statistics(rows: Sequence[Row]) -> Row:
     return {
         "records": len(rows),
         "refused": len(rows) - len(estimates),
-        "error_rms_mgal": _rms([row["error_mgal"] for row in estimates]),
+        "error_rms_mgal": rms([row["error_mgal"] for row in estimates]),
         "sigma_median_mgal": float(np.median([row["sigma_mgal"] for row in estimates] or [math.nan])),
         "worst_z": float(np.max(sizes)),
-        "rms_z": _rms(sizes),
-        "band_rms_z": _rms([row["band_z"] for row in estimates if math.isfinite(row["band_z"])]),
+        "rms_z": rms(sizes),
+        "band_rms_z": rms([row["band_z"] for row in estimates if math.isfinite(row["band_z"])]),
         "within_95": float(np.mean(sizes <= _95)) if estimates else math.nan,
         "beyond_4_sigma": int(np.sum(sizes > 4.0)),
         "beyond_5_sigma": int(np.sum(sizes > 5.0)),

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from data_schemas.contents import identifier
-from pipeline.benchmarks.honesty import plain
-from pipeline.benchmarks.honesty.kinds import MIXABLE, Case, case_of
-from pipeline.benchmarks.honesty.plain import Floats
+from pipeline.benchmarks import plain
+from pipeline.benchmarks.kinds import MIXABLE, Case, case_of
+from pipeline.benchmarks.plain import Floats
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -108,7 +108,6 @@ class Made(NamedTuple):
 
     tree: DataTree  # Layout "isochrony-record"
     gravity: float  # mean over the record, m/s^2
-    case: Case  # what it was made with
     law: Floats  # of gravity in time, see `plain.gravity_at`
 
 
@@ -171,7 +170,7 @@ def of_case(case: Case, random: Random, label: str) -> Made:
         stamped = stamped + case.wow * np.sin(2.0 * np.pi * times / 60.0 + random.uniform(0.0, 2.0 * np.pi))
     dense = np.linspace(0.0, case.duration, 4001)
     gravity = float(np.mean([plain.gravity_at(time, law) for time in 0.5 * (dense[1:] + dense[:-1])]))
-    return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, case, law)
+    return Made(_tree(label, stamped, traces, states, frequency, damping, case, random), gravity, law)
 
 
 def _motion(case: Case, swing: float, random: Random) -> plain.Motion:

@@ -1,1 +1,0 @@
-"""Suite `honesty`: whether the stated uncertainty covers the error, on every kind of disturbance of a record."""

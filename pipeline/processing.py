@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from data_schemas.layouts import REWRITTEN
 from pipeline import methods
-from pipeline.flags import of_film
 from pipeline.observation import observe
-from pipeline.reduction import Reduction, reduce_by, refused
+from pipeline.reduction import Reduction, of_film, reduce_by, refused
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

@@ -13,11 +13,11 @@ from data_schemas.checksum import numbers_sha256
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
 from pipeline import quantities
-from pipeline.anomaly import anomalies
 from pipeline.arrays import Floats
 from pipeline.conditions import Constants
 from pipeline.flag_words import told
 from pipeline.ledger.book import corrections
+from pipeline.ledger.earth import anomalies
 from pipeline.ledger.entry import MGAL
 from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared

@@ -19,8 +19,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import frequency
+from data_schemas.scene import Scene, frequency
 from data_schemas.scene_pendulum import Clamp, Knock, Release, Restart
 from synth.phase import Floats
 from synth.propagators.times import EvenTimes, UnevenTimes

@@ -33,9 +33,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.errors import SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, period
-from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, Tilt
+from data_schemas.scene import LARGEST_CHANGE, Scene, felt_gravity, period
+from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, LinearCourse, SineCourse, Tilt
 from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum, harmonics
 from synth.motion.tabulated import continued, tabulated

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import RefusedError, SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import felt_gravity, frequency
+from data_schemas.scene import Scene, felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
 from synth.kicks import Kicks, kicks

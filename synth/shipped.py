@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from data_schemas.errors import SceneError
 
 if TYPE_CHECKING:
-    from data_schemas.scene_film import Film
+    from data_schemas.scene_recording import Film
 
 _SCENES = Path(str(resources.files("synth") / "scenes"))
 _FILMS = Path(str(resources.files("synth") / "film" / "presets"))
@@ -66,7 +66,7 @@ def load_film(name: str) -> Film:
     from pydantic import ValidationError
 
     from data_schemas.scene_fields import one_line
-    from data_schemas.scene_film import Film
+    from data_schemas.scene_recording import Film
     from data_schemas.text_files import load_toml
 
     path, known = Path(name), ", ".join(films())

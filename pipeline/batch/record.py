@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import data_schemas
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
+from data_schemas.shield import bounded
 from data_schemas.text_files import MOST_BYTES, ordinary_size
 from data_schemas.writing import sync_folder
 from pipeline.batch.config import Config, Kind, Outcome, failure, owner_of
-from pipeline.memory import bounded
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -14,7 +14,6 @@ from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
 from pipeline.result import result_attributes
-from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -111,18 +110,3 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
     usual = steps[steps < 5.0 * np.median(steps)]
     least = float(changes.min()) if changes.size else 0.0
     return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}
-
-
-def period_summaries(result: DataTree) -> list[dict[str, Any]]:
-    """The one dictionary of a single trace; keys of the contract, gravity null."""
-    table = result["period"].dataset
-    given = {
-        "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "period_s": "period",
-        "period_sigma_s": "period_sigma", "amplitude_scale": "amplitude_scale",
-        "amplitude_scale_sigma": "amplitude_scale_sigma", "rest_position_rad": "rest_position",
-    }  # fmt: skip
-    values = {key: float(table[name]) for key, name in given.items() if name in table}
-    flags = [str(flag) for flag in table["flag"].values] if "flag" in table else []
-    more = {"friction": str(table["friction"].values), "flags": flags, "samples_used": int(table.sizes["cycle"])}
-    none = without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period")
-    return [none | values | more | {"elapsed_s": float(table["elapsed"])}]

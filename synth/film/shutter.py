@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.phase import Floats
 from synth.seeds import generator
 

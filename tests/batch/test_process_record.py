@@ -13,9 +13,9 @@ import pytest
 from batch_parts import POISON, alike, config_of, numbers_of, write_record
 
 import data_schemas
+from data_schemas import shield as memory
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget
-from pipeline import memory
 from pipeline.batch import record
 from pipeline.batch.config import Kind
 from pipeline.batch.record import file_sha256, process_record

@@ -277,7 +277,8 @@ def dataset(
     import xarray as xr
 
     def entry(name: str, value: Any) -> xr.Variable:
-        data = np.asarray(value, dtype=object if isinstance(value, str) else None)
+        text = isinstance(value, str) or (isinstance(value, list) and bool(value) and isinstance(value[0], str))
+        data = np.asarray(value, dtype=object if text else None)
         if name in extra:
             units, long_name = extra[name]
             return xr.Variable(dims, data, {"units": units, "long_name": long_name}, fastpath=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.contents import Contents
 from data_schemas.variables import dataset
 from pipeline.gravity import DAY, MGAL
 from pipeline.observation import clock_of
@@ -39,7 +40,9 @@ _EXTRA = {
 }
 
 
-def period_result(record: DataTree, requested: Sequence[str], started: float, raised: Sequence[str] = ()) -> DataTree:
+def period_result(
+    record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
+) -> DataTree:
     """Analyse the only trace of a record and lay the result out, with flags that are `raised` already.
 
     `RefusedError`: too few swings or samples.
@@ -72,11 +75,11 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
         "damping_rate": fit.friction.damping_rate,
         "quadratic_damping": fit.friction.quadratic,
         "knife_edge": fit.friction.dry,
-        "friction": np.array(fit.friction.words, dtype=object),
+        "friction": fit.friction.words,
         **_gravity(fit.period * true, sigma, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
-        "flag": np.array(flags, dtype=object),
+        "flag": flags,
         "cycle_time": fit.time + time[0],
         "amplitude": fit.amplitude,
         "cycle_period": fit.cycle_period,
@@ -86,7 +89,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
     root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
     tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
     trace = str(record["record"].dataset["trace"].values[0])
-    tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
+    tree.attrs.update(result_attributes(contents, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)
     tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
     return tree

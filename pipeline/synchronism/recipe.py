@@ -7,6 +7,7 @@ out, never filled; an instant with less than half of its window has no phase.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time as stopwatch
 from collections.abc import Collection
@@ -16,11 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from xarray import Dataset, DataTree
 
-from data_schemas import check
+from data_schemas.checking import checked
 from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present, unwrapped
 from pipeline.gravity import DAY
+from pipeline.observation import combine, weights_of
 from pipeline.reduction import of_film
 from pipeline.result import result_attributes
 from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, block_slope, judge
@@ -62,9 +64,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
         Too short, too rarely read, a pendulum that does not swing, or a film's flag that blocks.
     """
     started = stopwatch.perf_counter()
-    faults = check(record, "record")
-    if faults:
-        raise RecordError("; ".join(faults))
+    contents = checked(record, "record")
     raised = of_film(record, accept)
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -72,7 +72,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     _refuse_rare(record, float(np.median(np.diff(time))))
     seen = phases(time, elongation)
     moved, direction = _beam(record, time, seen)
-    values = {"clock": _texts(labels), "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
+    values = {"clock": labels, "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
     values |= {**_pairs(labels, seen, float(recorded[0])), **moved}
     averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
     values |= {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
@@ -82,7 +82,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     group.attrs["film_flags"] = ", ".join(raised)
     instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))
     tree = DataTree.from_dict({"/": Dataset(coords={"time": instants}), "/synchrony": group})
-    tree.attrs.update(result_attributes(record, {"analysis": "synchrony", "window_s": seen.window}, started))
+    tree.attrs.update(result_attributes(contents, {"analysis": "synchrony", "window_s": seen.window}, started))
     tree.attrs["title"] = f"synchrony of record {tree.attrs['record_id']}"
     tree.attrs["elapsed_s"] = stopwatch.perf_counter() - started
     return tree
@@ -121,10 +121,10 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
             }
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
-    values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
+    values = {name: each if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
     if slips:
         values["slip_time"] = np.array([when for when, _ in slips])
-        values["slip_pair"] = _texts([name for _, name in slips])
+        values["slip_pair"] = [name for _, name in slips]
     return values
 
 
@@ -165,19 +165,13 @@ def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
-    inverse = np.linalg.pinv(combination)
-    apart = np.abs(inverse @ combination - np.eye(len(labels))).max(axis=1) < 1e-9
-    if apart.sum() < 2:
+    rows = dict[str, Floats]()
+    for label, wanted in zip(labels, np.eye(len(labels)), strict=True):
+        with contextlib.suppress(RecordError):
+            rows[label] = combine(weights_of(combination, wanted, label), elongation)
+    if len(rows) < 2:
         raise RecordError("synchrony: the record shows no two pendulums apart; give each clock a trace of its own")
-    rows = []
-    for weights in inverse[apart]:
-        used = np.flatnonzero(np.abs(weights) > 1e-12)
-        rows.append(np.tensordot(weights[used], elongation[used], axes=1))  # a trace that is not used may be missing
-    return [label for label, known in zip(labels, apart, strict=True) if known], np.stack(rows)
-
-
-def _texts(values: list[str]) -> Any:
-    return np.array(values, dtype=object)
+    return list(rows), np.stack(list(rows.values()))
 
 
 class Phases(NamedTuple):

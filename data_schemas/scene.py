@@ -181,12 +181,7 @@ def period(scene: Scene, pendulum: Pendulum) -> float:
 def lightening(latitude: float, speed: float, course: float) -> float:
     """Loss of gravity on a ship under way, m/s^2, upright centrifugal force of its motion less the Earth's own.
 
-    Parameters
-    ----------
-    latitude, course
-        Degrees; course from north by east.
-    speed
-        m/s over ground.
+    `latitude` and `course`, from north by east, are in degrees, `speed` over ground in m/s.
 
     Examples
     --------

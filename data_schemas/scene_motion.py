@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from data_schemas.scene_fields import Count, Label, Name, Number, Section, Seed, Switch, quantity
+from data_schemas.scene_fields import Count, Label, Name, Number, Section, Seed, Switch, quantity, refuse
 
 Numbers = tuple[Number, ...]
 Axis = Literal["horizontal", "transverse", "vertical"]
@@ -23,11 +23,7 @@ class Still(Section):
     """The support is at rest."""
 
     kind: Literal["still"] = quantity("still", "", "the support is at rest")
-
-    @property
-    def axis(self) -> Axis:
-        """Nothing moves; counts as horizontal."""
-        return "horizontal"
+    axis: ClassVar[Axis] = "horizontal"
 
 
 class Harmonics(Section):
@@ -41,17 +37,16 @@ class Harmonics(Section):
     @model_validator(mode="after")
     def _lists_agree(self) -> Self:
         given = [name for name in ("angular_frequency", "period") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError("give either angular_frequency or period, not both")
-        rates = getattr(self, given[0])
-        if len(rates) != len(self.amplitude):
-            raise ValueError(f"{given[0]} must have one number for each of the {len(self.amplitude)} amplitudes")
-        if self.phase is not None and len(self.phase) != len(self.amplitude):
-            raise ValueError(f"phase must have one number for each of the {len(self.amplitude)} amplitudes")
-        if given[0] == "period" and min(rates) < 1e-4:
-            raise ValueError("period must be at least 1e-4 s")
-        if given[0] == "angular_frequency" and not (min(rates) >= 0 and max(rates) <= 1e5):
-            raise ValueError("angular_frequency must be between 0 and 1e5 rad/s")
+        refuse(len(given) != 1, "give either angular_frequency or period, not both")
+        rates, count = getattr(self, given[0]), len(self.amplitude)
+        for name, values in ((given[0], rates), ("phase", self.phase)):
+            wrong = values is not None and len(values) != count
+            refuse(wrong, f"{name} must have one number for each of the {count} amplitudes")
+        if given[0] == "period":
+            refuse(min(rates) < 1e-4, "period must be at least 1e-4 s")
+        else:
+            within = min(rates) >= 0 and max(rates) <= 1e5
+            refuse(not within, "angular_frequency must be between 0 and 1e5 rad/s")
         return self
 
 
@@ -72,17 +67,12 @@ class NearResonantMotion(Section):
     beat_period: Number | None = quantity(None, "s", "time between zeros of the beat, pi/nu; instead of detuning", gt=0)
     phase: Number = quantity(0.0, "rad", "phase of the acceleration at t = 0", ge=-100, le=100)
     pendulum: Label | None = quantity(None, "", "label of the pendulum it is close to; left out: the first")
+    axis: ClassVar[Axis] = "horizontal"  # a vertical motion near n does not resonate
 
     @model_validator(mode="after")
     def _one_detuning(self) -> Self:
-        if (self.detuning is None) == (self.beat_period is None):
-            raise ValueError("give either detuning or beat_period")
+        refuse((self.detuning is None) == (self.beat_period is None), "give either detuning or beat_period")
         return self
-
-    @property
-    def axis(self) -> Axis:
-        """A vertical motion near n does not resonate."""
-        return "horizontal"
 
     @property
     def nu(self) -> float:
@@ -262,18 +252,15 @@ class Conditions(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if (self.speed is None) != (self.course is None) or (self.speed is not None and self.latitude is None):
-            raise ValueError("the ship's way needs latitude, speed and course together")
-        if self.tide and (self.latitude is None or self.longitude is None):
-            raise ValueError("tide needs latitude and longitude")
-        if self.temperature_amplitude and self.temperature is None:
-            raise ValueError("temperature_amplitude needs the mean temperature")
+        half = (self.speed is None) != (self.course is None) or (self.speed is not None and self.latitude is None)
+        refuse(half, "the ship's way needs latitude, speed and course together")
+        refuse(self.tide and None in (self.latitude, self.longitude), "tide needs latitude and longitude")
+        lacking = self.temperature_amplitude and self.temperature is None
+        refuse(lacking, "temperature_amplitude needs the mean temperature")
         for name in ("temperature", "air_density", "tilt", "yaw_rate", "speed", "course"):
-            if getattr(self, f"{name}_uncertainty") and getattr(self, name) is None:
-                raise ValueError(f"{name}_uncertainty needs {name}")
-        if self.base_period_uncertainty and not self.bases:
-            raise ValueError("base_period_uncertainty needs bases")
+            lacking = getattr(self, f"{name}_uncertainty") and getattr(self, name) is None
+            refuse(lacking, f"{name}_uncertainty needs {name}")
+        refuse(self.base_period_uncertainty and not self.bases, "base_period_uncertainty needs bases")
         times = [base.time for base in self.bases]
-        if sorted(set(times)) != times:
-            raise ValueError("bases must be in order of time")
+        refuse(sorted(set(times)) != times, "bases must be in order of time")
         return self

@@ -20,6 +20,7 @@ from data_schemas.scene_fields import (
     TraceName,
     check_distinct,
     quantity,
+    refuse,
 )
 
 _DEFAULT_RATE = Fraction(25)  # Hz
@@ -48,8 +49,7 @@ class Stretch(Section):
 
     @model_validator(mode="after")
     def _forwards(self) -> Self:
-        if self.stop <= self.start:
-            raise ValueError("stop must be after start")
+        refuse(self.stop <= self.start, "stop must be after start")
         return self
 
 
@@ -126,21 +126,16 @@ class Recording(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.mark_gap >= self.gap_interval:
-            raise ValueError("mark_gap must be shorter than gap_interval")
-        if self.outliers and not self.outlier_amplitude:
-            raise ValueError("outliers need an outlier_amplitude above 0")
-        if self.outlier_amplitude and not self.outliers:
-            raise ValueError("outlier_amplitude needs a number of outliers")
-        if self.clock_steps and not float(self.step) + min(0.0, *(each.size for each in self.clock_steps)) > 0:
-            raise ValueError("clock_steps back by more than a sampling step make time run backwards")
+        refuse(self.mark_gap >= self.gap_interval, "mark_gap must be shorter than gap_interval")
+        refuse(self.outliers and not self.outlier_amplitude, "outliers need an outlier_amplitude above 0")
+        refuse(self.outlier_amplitude and not self.outliers, "outlier_amplitude needs a number of outliers")
+        least = float(self.step) + min((each.size for each in self.clock_steps), default=0.0)
+        refuse(not least > 0, "clock_steps back by more than a sampling step make time run backwards")
         if self.marks and self.sampling_rate != _DEFAULT_RATE:
             raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
-        if not self.marks and self.mark_interval != _DEFAULT_MARKS:
-            raise ValueError("mark_interval needs marks = true")
+        refuse(not self.marks and self.mark_interval != _DEFAULT_MARKS, "mark_interval needs marks = true")
         check_distinct((trace.name for trace in self.traces or ()), "traces must have different names")
-        if self.traces is not None and not self.traces:
-            raise ValueError("traces must name at least one trace, or be left out")
+        refuse(self.traces == (), "traces must name at least one trace, or be left out")
         return self
 
     @property
@@ -225,14 +220,13 @@ class Film(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         check_distinct((trace.name for trace in self.traces), "traces must have different names")
-        if self.gap > 0.5 * self.mark_interval:
-            raise ValueError("gap must be at most half of mark_interval")
+        refuse(self.gap > 0.5 * self.mark_interval, "gap must be at most half of mark_interval")
         if self.minute_code and not self.gap < self.minute_code < self.mark_interval - self.gap:
             raise ValueError(
                 "minute_code must be longer than the gap and shorter than mark_interval less the gap, or 0"
             )
-        if 1.0 - max(-self.drift, 0.0) - self.wow - 4.0 * self.walk < 0.1:
-            raise ValueError("drift, wow and walk together would stop the film; make them smaller")
-        if self.density_max <= self.fog + abs(self.fog_gradient):
-            raise ValueError("density_max must be above the fog, its gradient included")
+        slowest = 1.0 - max(-self.drift, 0.0) - self.wow - 4.0 * self.walk
+        refuse(slowest < 0.1, "drift, wow and walk together would stop the film; make them smaller")
+        darkest = self.fog + abs(self.fog_gradient)
+        refuse(self.density_max <= darkest, "density_max must be above the fog, its gradient included")
         return self

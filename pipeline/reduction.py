@@ -73,10 +73,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
 def of_film(record: DataTree, accept: Collection[str]) -> tuple[str, ...]:
     """What the reading of the film left doubtful, as /film of a record says.
 
-    Raises
-    ------
-    RefusedError
-        Time or scale is doubtful, and the flag is not among those that are accepted.
+    `RefusedError`: time or scale is doubtful, and the flag is not among those that are accepted.
     """
     if "film" not in record.children:
         return ()

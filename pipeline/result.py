@@ -15,11 +15,10 @@ from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
 from pipeline import quantities
 from pipeline.arrays import Floats
-from pipeline.conditions import Constants
+from pipeline.conditions import MGAL, Constants
 from pipeline.flag_words import told
 from pipeline.ledger.book import corrections
 from pipeline.ledger.earth import anomalies
-from pipeline.ledger.entry import MGAL
 from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance

@@ -10,8 +10,9 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.variables import add_constant
+from pipeline.conditions import MGAL
 from pipeline.ledger import earth, instrument, own
-from pipeline.ledger.entry import ASSUMED, MGAL, Case, Change, Correction, Entry, absent
+from pipeline.ledger.entry import ASSUMED, Case, Change, Correction, Entry, absent
 
 OWN: tuple[Correction, ...] = (
     own.non_isochronism, own.ZERO, own.SCALE, own.CLOCK_STEPS, own.finite_arc, own.CASE_TILT,

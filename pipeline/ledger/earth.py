@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.conditions import Constants
-from pipeline.ledger.entry import MGAL, Case, Change, correction
+from pipeline.conditions import MGAL, Constants
+from pipeline.ledger.entry import Case, Change, correction
 from synth.kernels.tide import tide
 
 WAY = ("latitude", "speed", "course")

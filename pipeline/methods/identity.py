@@ -156,10 +156,7 @@ class Identity:
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
         """Iterate until n2 and gamma2 stand still; `gamma` is gamma2, s-1, or its start where it is fitted.
 
-        Raises
-        ------
-        RefusedError
-            No swing at the nominal period, or an outlier.
+        `RefusedError`: no swing at the nominal period, or an outlier.
         """
         about = difference = self.observation.difference[self.inside]
         count, step = about.size, self.observation.step

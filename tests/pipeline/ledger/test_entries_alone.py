@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.conditions import Tie
+from pipeline.conditions import MGAL, Tie
 from pipeline.estimate import Estimate
 from pipeline.ledger import earth, own
 from pipeline.ledger.book import OWN, own_entries
-from pipeline.ledger.entry import MGAL, Case, Correction, Shares
+from pipeline.ledger.entry import Case, Correction, Shares
 from pipeline.ledger.instrument import (
     air_density,
     base_tie,

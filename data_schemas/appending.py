@@ -86,21 +86,8 @@ class Sink(io.FileIO):
 class Appended:
     """A file that grows along time; a context manager, whose end without `publish` leaves nothing behind.
 
-    Variables without time are those of the first portion, attributes those of the last.
-
-    Parameters
-    ----------
-    path : path
-        Of the file to make; its folder must exist.
-    length : int
-        Number of samples of the whole.
-    overwrite : bool
-        Whether an existing file may be replaced.
-
-    Raises
-    ------
-    FileError
-        As `write`, from any method.
+    `length` is the number of samples of the whole; `path` and `overwrite` are those of `write`, as is the `FileError`
+    that any method may raise. Variables without time are those of the first portion, attributes those of the last.
 
     Examples
     --------
@@ -144,7 +131,8 @@ class Appended:
             if first:
                 self._open("x+", "w")
                 self._arrays = lay_out(self._file, self._whole(contents))
-            begin, self._done = self._done, self._done + _samples(contents)
+            growing = next(one for one in contents[""].variables.values() if _ALONG in one.dims)
+            begin, self._done = self._done, self._done + growing.values.shape[growing.dims.index(_ALONG)]
             for path, group in contents.items():
                 self._attrs[path] = group.attrs
                 for name, entry in group.variables.items():
@@ -227,9 +215,3 @@ class Appended:
             if isinstance(cause, OSError):
                 raise FileError(f"{name}: cannot be written, {reason(cause)}") from error
             raise cause from None
-
-
-def _samples(contents: Contents) -> int:
-    """Length of a content along time, of the root's variables."""
-    growing = next(one for one in contents[""].variables.values() if _ALONG in one.dims)
-    return int(growing.values.shape[growing.dims.index(_ALONG)])

@@ -40,6 +40,7 @@ WORDS = {
     ("instrument", "acceleration_frame"): ("earth", "case"),
     ("record", "reference"): ("vertical", "case"),
 }  # What an attribute of a group may say, the default first
+_NEEDED = {"period": "the full period of each pendulum in s", "reference_gravity": "the gravity at which it holds"}
 _LABELS = frozenset({"trace", "pendulum", "component", "estimator", "entry", "clock", "pair"})  # none twice
 
 
@@ -63,6 +64,18 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
         return [str(error)]
 
 
+def checked(tree: xr.DataTree, schema: Kind) -> Contents:
+    """The content of a good tree; `RecordError` with every fault of another."""
+    try:
+        contents = from_tree(tree)
+        found = faults(contents, schema)
+    except FileError as error:
+        found = [str(error)]
+    if found:
+        raise RecordError("; ".join(found))
+    return contents
+
+
 def validate(path: str | os.PathLike[str]) -> list[str]:
     """Every fault of a file at once, one line each; an empty list for a good one. Bad content never raises.
 
@@ -78,7 +91,17 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     """
     try:
         if Path(path).suffix == ".toml":
-            _load_toml(path)
+            from . import film_description, film_edits
+            from .scene import load_scene
+            from .text_files import load_toml
+
+            match load_toml(path, "a scene", SceneError).get("kind"):  # a scene has none
+                case film_description.KIND:
+                    film_description.load_description(path)
+                case film_edits.KIND:
+                    film_edits.load_edits(path)
+                case _:
+                    load_scene(path)
             return []
         contents = load(path)
     except (SceneError, RecordError, FileError) as error:
@@ -86,21 +109,6 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
     kind, found = _kind(contents)
     found += [] if kind is None else faults(contents, kind)
     return [f"{shown(path, 400)}: {fault}" for fault in dict.fromkeys(found)]
-
-
-def _load_toml(path: str | os.PathLike[str]) -> None:
-    """Read a TOML file as what its key `kind` says; a scene has none."""
-    from . import film_description, film_edits
-    from .scene import load_scene
-    from .text_files import load_toml
-
-    match load_toml(path, "a scene", SceneError).get("kind"):
-        case film_description.KIND:
-            film_description.load_description(path)
-        case film_edits.KIND:
-            film_edits.load_edits(path)
-        case _:
-            load_scene(path)
 
 
 def _kind(contents: Contents) -> tuple[Kind | None, list[str]]:
@@ -140,7 +148,8 @@ def faults(contents: Contents, schema: Kind) -> list[str]:
                 found += _label_faults(key(path, name), entry.values.tolist(), schema)
     found += _time_faults(contents)
     if schema == "record" and "record" in contents:
-        found += _record_faults(contents, sizes)
+        with np.errstate(all="ignore"):
+            found += _record_faults(contents, sizes)
     return found
 
 
@@ -263,62 +272,57 @@ def _entry(contents: Contents, path: str, name: str, dims: tuple[str, ...] = (),
     return entry
 
 
-@np.errstate(all="ignore")
-def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> list[str]:
+def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> Iterator[str]:
     """What only a record can have wrong, given the length of each (group, dimension)."""
-    trace = _entry(contents, "record", "trace")
-    combination = _entry(contents, "record", "combination", ("trace", "pendulum"), "f8")
-    elongation = _entry(contents, "record", "elongation", ("trace", "time"), "f8")
-    return [
-        *_pendulum_faults(contents),
-        *_absurd_values(contents),
-        *([] if combination is None else _combination_faults(combination.values, trace)),
-        *([] if elongation is None else _empty_traces(elongation.values, trace)),
-        *(_needed_for_gravity(contents) if sizes.get(("record", "trace"), 1) > 1 else []),
-        *_unknown_constants(contents),
-        *_word_faults(contents),
-    ]
-
-
-def _pendulum_faults(contents: Contents) -> Iterator[str]:
-    recorded = _entry(contents, "record", "pendulum", ("pendulum",), "str")
-    described = _entry(contents, "instrument", "pendulum", ("pendulum",), "str")
+    recorded, described = (
+        _entry(contents, path, "pendulum", ("pendulum",), "str") for path in ("record", "instrument")
+    )
     if recorded is not None and described is not None:
-        known = described.values.tolist()
-        absent = ", ".join(shown(label) for label in recorded.values.tolist() if label not in known)
+        labels = described.values.tolist()
+        absent = ", ".join(shown(label) for label in recorded.values.tolist() if label not in labels)
         if absent:
             yield f"instrument/pendulum: lacks {absent} of record/pendulum; use the same labels in both"
+    yield from _absurd_values(contents)
+    trace = _entry(contents, "record", "trace")
+    combination = _entry(contents, "record", "combination", ("trace", "pendulum"), "f8")
+    if combination is not None:
+        yield from _combination_faults(combination.values, trace)
+    elongation = _entry(contents, "record", "elongation", ("trace", "time"), "f8")
+    if elongation is not None and elongation.values.shape[1]:
+        for row in np.flatnonzero(np.isnan(elongation.values).all(axis=1)).tolist():
+            yield f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out"
+    for name, meaning in _NEEDED.items() if sizes.get(("record", "trace"), 1) > 1 else ():
+        if _entry(contents, "instrument", name) is None:
+            yield f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
+    known = rows_of("instrument")
+    for name in contents["instrument"].variables if "instrument" in contents else {}:
+        if name not in known:
+            (near,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            yield f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
+    for (path, name), words in WORDS.items():
+        word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
+        if not isinstance(word, str) or word not in words:
+            yield f"{path}, attribute {name}: is {shown(repr(word))}; give '{words[0]}' or '{words[1]}'"
 
 
-def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> list[str]:
+def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> Iterator[str]:
     if not np.isfinite(combination).all():
-        return []  # the table's check says so
+        return  # the table's check says so
     if max(combination.shape) > MOST_TRACES:
-        return [f"record/combination: more than {MOST_TRACES} traces or pendulums; split the record"]
+        yield f"record/combination: more than {MOST_TRACES} traces or pendulums; split the record"
+        return
     zero = np.flatnonzero(~combination.any(axis=1)).tolist()
-    if zero or min(combination.shape) < 2 or _gives_difference(combination):
-        told = "is all zero; say which pendulums it records"
-        return [f"record/combination: the row of trace {_label(trace, row)} {told}" for row in zero]
-    return [
-        "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
-        "its difference with another, or both, or give a single trace"
-    ]
-
-
-def _gives_difference(combination: NDArray[Any]) -> bool:
-    """Whether some pendulum i and some difference i - j are both combinations of the traces.
-
-    Then so are i and j themselves: two pendulums must be recoverable, that is two unit vectors lie in the row
-    space.
-    """
-    # the projector on the row space: pendulum i is recoverable when it leaves the unit vector i as it is
+    for row in zero:
+        yield f"record/combination: the row of trace {_label(trace, row)} is all zero; say which pendulums it records"
+    if zero or min(combination.shape) < 2:
+        return
+    # two pendulums are recoverable where the projector on the row space leaves two unit vectors as they are
     projector = np.linalg.pinv(combination) @ combination
-    return bool((np.abs(np.diag(projector) - 1.0) < 1e-9).sum() >= 2)
-
-
-def _empty_traces(elongation: NDArray[Any], trace: Entry | None) -> list[str]:
-    empty = np.flatnonzero(np.isnan(elongation).all(axis=1)).tolist() if elongation.shape[1] else []
-    return [f"record/elongation: trace {_label(trace, row)} is all NaN; leave the trace out" for row in empty]
+    if (np.abs(np.diag(projector) - 1.0) < 1e-9).sum() < 2:
+        yield (
+            "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
+            "its difference with another, or both, or give a single trace"
+        )
 
 
 def _label(trace: Entry | None, row: int) -> str:
@@ -346,25 +350,3 @@ def _absurd_values(contents: Contents) -> Iterator[str]:
                 f"time: {time.values.size} readings {step:.3g} s apart, as a rule, reach over {span:.3g} s; split the "
                 "record at its gaps"
             )
-
-
-def _unknown_constants(contents: Contents) -> Iterator[str]:
-    known = rows_of("instrument")
-    for name in contents["instrument"].variables if "instrument" in contents else {}:
-        if name not in known:
-            (near,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
-            yield f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
-
-
-def _needed_for_gravity(contents: Contents) -> Iterator[str]:
-    wanted = {"period": "the full period of each pendulum in s", "reference_gravity": "the gravity at which it holds"}
-    for name, meaning in wanted.items():
-        if _entry(contents, "instrument", name) is None:
-            yield f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
-
-
-def _word_faults(contents: Contents) -> Iterator[str]:
-    for (path, name), words in WORDS.items():
-        word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
-        if not isinstance(word, str) or word not in words:
-            yield f"{path}, attribute {name}: is {shown(repr(word))}; give '{words[0]}' or '{words[1]}'"

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .contents import Contents, Entry, Group, from_tree, key, type_name
+from .contents import Contents, from_tree, key, type_name
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,12 +81,10 @@ def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = Ma
 
 def numbers_sha256(tree: xr.DataTree) -> str:
     """The checksum of a tree's numbers alone, but for the times that were taken: the same where a run is repeated."""
-
-    numbers: Contents = {}
-    for path, group in from_tree(tree).items():
-        counted = {n: one for n, one in group.variables.items() if n != "elapsed" and type_name(one.values) != "str"}
-        numbers[path] = Group({}, {name: Entry(one.dims, one.values) for name, one in counted.items()})
-    return digest(numbers)
+    contents = from_tree(tree, numbers=True)
+    for group in contents.values():
+        group.variables.pop("elapsed", None)
+    return digest(contents)
 
 
 def content_sha256(tree: xr.DataTree) -> str:

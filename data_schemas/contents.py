@@ -140,8 +140,8 @@ def as_attribute(numbers: NDArray[Any]) -> Any:
     return number.item() if type_name(numbers) in ("i8", "f8") else number
 
 
-def from_tree(tree: xr.DataTree) -> Contents:
-    """The content of a tree in memory; arrays are shared, not copied.
+def from_tree(tree: xr.DataTree, *, numbers: bool = False) -> Contents:
+    """The content of a tree in memory, or its `numbers` alone, without text and attributes; arrays are not copied.
 
     `FileError`: a variable or attribute has a type that no file can hold.
     """
@@ -149,14 +149,15 @@ def from_tree(tree: xr.DataTree) -> Contents:
     for node in tree.subtree:
         path = "" if node is tree else node.relative_to(tree)
         own = node.to_dataset(inherit=False)
-        variables = {str(name): _entry(one, key(path, str(name))) for name, one in own.variables.items()}
-        contents[path] = Group(_plain_attrs(own.attrs, path or "root"), variables)
+        kept = {str(name): one for name, one in own.variables.items() if not (numbers and one.dtype.kind in "OTU")}
+        variables = {name: _entry(one, key(path, name), {} if numbers else one.attrs) for name, one in kept.items()}
+        contents[path] = Group({} if numbers else _plain_attrs(own.attrs, path or "root"), variables)
     return contents
 
 
-def _entry(one: xr.Variable, where: str) -> Entry:
+def _entry(one: xr.Variable, where: str, attrs: Mapping[Any, Any]) -> Entry:
     """A variable; dates, as xarray decodes them, become seconds since the epoch that they were read from."""
-    values, attrs = one.values, one.attrs
+    values = one.values
     if values.dtype.kind == "M":
         known = values[~np.isnat(values)]
         first = known.min() if known.size else np.datetime64(0, "s")

@@ -6,7 +6,6 @@ a quantity that the record may hold is one that the description may state.
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,17 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from pydantic import Field, ValidationError, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
-from data_schemas.scene_fields import Name, Number, Section, Text, check_distinct, check_known, one_line, quantity
+from data_schemas.scene_fields import (
+    Name,
+    Number,
+    Section,
+    Text,
+    check_distinct,
+    check_known,
+    one_line,
+    quantity,
+    refuse,
+)
 from data_schemas.text_files import load_toml
 from data_schemas.variables import rows_of
 
@@ -58,21 +67,22 @@ _OF_BASES = {
     key: _field(name, each=name in PERIODS, required=not name.endswith("_uncertainty"))
     for name, key in (BASES | PERIODS).items()
 }
-_STATION, _LABEL = quantity(..., "", "name of the station"), quantity(..., "", "label of the pendulum")
-_WHEN = quantity(..., "s", "when, in the record's seconds")
 DescribedBase: Any = _section(
-    "DescribedBase", "An occupation of a base station, before or after.", label=(Name, _STATION), **_OF_BASES
+    "DescribedBase",
+    "An occupation of a base station, before or after.",
+    label=(Name, quantity(..., "", "name of the station")),
+    **_OF_BASES,
 )
 DescribedReading: Any = _section(
     "DescribedReading",
     "Conditions as they were read at some time; between readings they are taken to change evenly.",
-    time=(Number, _WHEN),
+    time=(Number, quantity(..., "s", "when, in the record's seconds")),
     **{name: _field(name) for name in COURSES},
 )
 DescribedPendulum: Any = _section(
     "DescribedPendulum",
     "A pendulum.",
-    label=(Name, _LABEL),
+    label=(Name, quantity(..., "", "label of the pendulum")),
     **{name: _field(name) for name in _of_instrument(PENDULUM)},
 )
 DescribedInstrument: Any = _section(
@@ -155,14 +165,13 @@ def _check_bases(bases: Sequence[Any], labels: list[str]) -> None:
 def _check_readings(readings: Sequence[Any], instrument: Any) -> None:
     """Raise ValueError where readings are out of order, hold nothing, or repeat what the instrument states."""
     times = [reading.time for reading in readings]
-    if any(later <= earlier for earlier, later in itertools.pairwise(times)):
-        raise ValueError("readings must be in order of time")
+    refuse(sorted(set(times)) != times, "readings must be in order of time")
     for name in COURSES:
         given = [getattr(reading, name) is not None for reading in readings]
-        if any(given) and getattr(instrument, name) is not None:
-            raise ValueError(f"{name} is stated in instrument and in readings; leave one of them out")
-    if any(all(getattr(reading, name) is None for name in COURSES) for reading in readings):
-        raise ValueError(f"a reading must hold {' or '.join(COURSES)}")
+        twice = any(given) and getattr(instrument, name) is not None
+        refuse(twice, f"{name} is stated in instrument and in readings; leave one of them out")
+    empty = any(all(getattr(reading, name) is None for name in COURSES) for reading in readings)
+    refuse(empty, f"a reading must hold {' or '.join(COURSES)}")
 
 
 def description_path(film: str | os.PathLike[str]) -> Path:

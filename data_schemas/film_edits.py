@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import os
 from datetime import datetime, time, timedelta
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from data_schemas.film_description import film_stem, load_section
-from data_schemas.scene_fields import Count, Number, Section, Text, quantity
+from data_schemas.scene_fields import Count, Number, Section, Text, quantity, refuse
 from data_schemas.text_files import toml_text
 from data_schemas.writing import write_text
 
@@ -48,8 +47,7 @@ class Follow(_Edit):
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         rows = [row for row, _ in self.points]
-        if any(later <= earlier for earlier, later in pairwise(rows)):
-            raise ValueError("rows of the line must increase from point to point")
+        refuse(sorted(set(rows)) != rows, "rows of the line must increase from point to point")
         return self
 
 

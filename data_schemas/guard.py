@@ -279,10 +279,15 @@ def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
     found: Heaps = {}
     end = total = objects = 0
     with Path(path).open("rb") as file:
-        for start in _starts(file.fileno()):
-            if start < end:
+        descriptor = file.fileno()
+        for start in _starts(descriptor):
+            length = int.from_bytes(os.pread(descriptor, _HEAD, start)[8:], "little")
+            if start < end or length < _HEAD or start + length > os.fstat(descriptor).st_size:
                 raise _damaged(start)
-            data = _collection(file.fileno(), start, MOST_BYTES - total)
+            if total + length > MOST_BYTES:
+                remedy = "split the file, or shorten its texts"
+                raise FileError(f"file: more than {MOST_BYTES} bytes outside its arrays; {remedy}")
+            data = os.pread(descriptor, length, start)  # of a file that is cut meanwhile less: its steps leave it
             found[start] = _objects(data, start)
             end, total, objects = start + len(data), total + len(data), objects + len(found[start])
             if objects > MOST_OBJECTS:
@@ -303,16 +308,6 @@ def _starts(descriptor: int) -> Iterator[int]:
 
 def _damaged(start: int) -> FileError:
     return FileError(f"its text storage is damaged at byte {start}; restore it, or copy it with h5repack")
-
-
-def _collection(descriptor: int, start: int, most: int) -> bytes:
-    """Bytes of the collection that begins at a place."""
-    length = int.from_bytes(os.pread(descriptor, _HEAD, start)[8:], "little")
-    if length < _HEAD or start + length > os.fstat(descriptor).st_size:
-        raise _damaged(start)
-    if length > most:
-        raise FileError(f"file: more than {MOST_BYTES} bytes outside its arrays; split the file, or shorten its texts")
-    return os.pread(descriptor, length, start)  # of a file that is cut meanwhile less: its steps leave it
 
 
 def _objects(data: bytes, start: int) -> dict[int, int]:

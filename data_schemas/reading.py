@@ -19,12 +19,11 @@ import h5py
 import numpy as np
 from h5py import h5a, h5d, h5r, h5s, h5t
 
-from .adopting import current, unpacked
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
 from .errors import FileError
 from .guard import Budget, Found, Heaps, Survey, full_chunks, is_text, ordinary, sound_heaps, survey, text_bytes
-from .layouts import REWRITTEN
+from .layouts import REWRITTEN, current, unpacked
 from .variables import VARIABLES
 from .writing import NOT_COORDINATE, PLACEHOLDER
 

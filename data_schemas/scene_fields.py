@@ -36,11 +36,16 @@ def extra(section: type[Section], name: str) -> dict[str, str]:
     return {key: str(value) for key, value in words.items()} if isinstance(words, dict) else {}
 
 
+def refuse(wrong: object, message: str) -> None:
+    """Raise ValueError with a message where something is wrong."""
+    if wrong:
+        raise ValueError(message)
+
+
 def check_distinct(names: Iterable[str], message: str) -> None:
     """Raise ValueError with a message where two names are alike."""
     names = list(names)
-    if len(set(names)) < len(names):
-        raise ValueError(message)
+    refuse(len(set(names)) < len(names), message)
 
 
 def check_known(names: Iterable[str], known: Iterable[str], what: str) -> None:

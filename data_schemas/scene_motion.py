@@ -1,4 +1,4 @@
-"""Motion of the support, terms that add along each axis, and tilt of the case."""
+"""What acts on the apparatus: motion of the support, tilt of the case, the course of gravity, heat, air and way."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from data_schemas.scene_fields import Count, Label, Name, Number, Section, Seed, Switch, quantity
+from data_schemas.scene_fields import Count, Label, Name, Number, Section, Seed, Switch, quantity, refuse
 
 Numbers = tuple[Number, ...]
 Axis = Literal["horizontal", "transverse", "vertical"]
@@ -23,11 +23,7 @@ class Still(Section):
     """The support is at rest."""
 
     kind: Literal["still"] = quantity("still", "", "the support is at rest")
-
-    @property
-    def axis(self) -> Axis:
-        """Nothing moves; counts as horizontal."""
-        return "horizontal"
+    axis: ClassVar[Axis] = "horizontal"
 
 
 class Harmonics(Section):
@@ -41,17 +37,16 @@ class Harmonics(Section):
     @model_validator(mode="after")
     def _lists_agree(self) -> Self:
         given = [name for name in ("angular_frequency", "period") if getattr(self, name) is not None]
-        if len(given) != 1:
-            raise ValueError("give either angular_frequency or period, not both")
-        rates = getattr(self, given[0])
-        if len(rates) != len(self.amplitude):
-            raise ValueError(f"{given[0]} must have one number for each of the {len(self.amplitude)} amplitudes")
-        if self.phase is not None and len(self.phase) != len(self.amplitude):
-            raise ValueError(f"phase must have one number for each of the {len(self.amplitude)} amplitudes")
-        if given[0] == "period" and min(rates) < 1e-4:
-            raise ValueError("period must be at least 1e-4 s")
-        if given[0] == "angular_frequency" and not (min(rates) >= 0 and max(rates) <= 1e5):
-            raise ValueError("angular_frequency must be between 0 and 1e5 rad/s")
+        refuse(len(given) != 1, "give either angular_frequency or period, not both")
+        rates, count = getattr(self, given[0]), len(self.amplitude)
+        for name, values in ((given[0], rates), ("phase", self.phase)):
+            wrong = values is not None and len(values) != count
+            refuse(wrong, f"{name} must have one number for each of the {count} amplitudes")
+        if given[0] == "period":
+            refuse(min(rates) < 1e-4, "period must be at least 1e-4 s")
+        else:
+            within = min(rates) >= 0 and max(rates) <= 1e5
+            refuse(not within, "angular_frequency must be between 0 and 1e5 rad/s")
         return self
 
 
@@ -72,17 +67,12 @@ class NearResonantMotion(Section):
     beat_period: Number | None = quantity(None, "s", "time between zeros of the beat, pi/nu; instead of detuning", gt=0)
     phase: Number = quantity(0.0, "rad", "phase of the acceleration at t = 0", ge=-100, le=100)
     pendulum: Label | None = quantity(None, "", "label of the pendulum it is close to; left out: the first")
+    axis: ClassVar[Axis] = "horizontal"  # a vertical motion near n does not resonate
 
     @model_validator(mode="after")
     def _one_detuning(self) -> Self:
-        if (self.detuning is None) == (self.beat_period is None):
-            raise ValueError("give either detuning or beat_period")
+        refuse((self.detuning is None) == (self.beat_period is None), "give either detuning or beat_period")
         return self
-
-    @property
-    def axis(self) -> Axis:
-        """A vertical motion near n does not resonate."""
-        return "horizontal"
 
     @property
     def nu(self) -> float:
@@ -188,3 +178,89 @@ class Case(Section):
     reference: Literal["vertical", "case"] = quantity("case", "", "what the elongations are measured from")
     write_tilt: Switch = quantity(False, "", "whether the record carries the tilt within the plane of swing")
     tilt_noise: Number = quantity(0.0, "rad", "1 sigma of white noise of that tilt", ge=0, le=1)
+
+
+class LinearCourse(Section):
+    """gravity + rate * t."""
+
+    kind: Literal["linear"] = quantity("linear", "", "gravity changes evenly")
+    rate: Number = quantity(..., "m s-3", "change of gravity in a second; 1 mGal an hour is 2.8e-9", ge=-1, le=1)
+
+
+class SineCourse(Section):
+    """gravity + amplitude * sin(2 pi t/period + phase)."""
+
+    kind: Literal["sine"] = quantity("sine", "", "gravity swings about its mean")
+    amplitude: Number = quantity(..., "m s-2", "largest change of gravity", ge=-1, le=1)
+    period: Number = quantity(..., "s", "time of a full cycle", ge=10, le=1e9)
+    phase: Number = quantity(0.0, "rad", "phase of the sine at t = 0", ge=-100, le=100)
+
+
+class TableCourse(Table):
+    """Gravity + a column of a CSV or netCDF file, given as a tabulated motion is."""
+
+    section: ClassVar[str] = "gravity_course"
+    kind: Literal["table"] = quantity("table", "", "gravity changes as a table says")
+
+
+GravityCourse = Annotated[LinearCourse | SineCourse | TableCourse, Field(discriminator="kind")]
+
+
+class BaseStation(Section):
+    """An occupation of a base station, before or after."""
+
+    label: Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_. +-]{1,40}$")] = quantity(..., "", "its name")
+    time: Number = quantity(..., "s", "when, from the record's start; negative before it", ge=-1e9, le=1e9)
+    gravity: Number = quantity(..., "m s-2", "gravity of the station", ge=0.1, le=100)
+
+
+def _error(unit: str, of: str) -> Any:
+    return quantity(0.0, unit, f"1 sigma of the error of the record's {of}, which states it", ge=0, le=1e4)
+
+
+class Conditions(Section):
+    """Heat, air, tilt, turn and way of the ship; what is left out does not act and is not in the record.
+
+    The periods of the pendulums hold at temperature_reference in vacuum. A stated uncertainty makes the record's value
+    wrong by a draw of that size from the scene's seed.
+    """
+
+    temperature: Number | None = quantity(None, "K", "mean temperature of the pendulums", ge=100, le=500)
+    temperature_reference: Number = quantity(288.15, "K", "temperature at which the periods hold", ge=100, le=500)
+    temperature_amplitude: Number = quantity(0.0, "K", "amplitude of a sine within the record", ge=0, le=100)
+    temperature_period: Number = quantity(86400.0, "s", "period of that sine", ge=60, le=1e8)
+    temperature_phase: Number = quantity(0.0, "rad", "phase of its sine at t = 0", ge=-100, le=100)
+    temperature_uncertainty: Number = _error("K", "temperature")
+    air_density: Number | None = quantity(None, "kg m-3", "density of the air in the case", ge=0, le=100)
+    air_density_reference: Number = quantity(1.2, "kg m-3", "density at which density_coefficient holds", gt=0, le=100)
+    air_density_uncertainty: Number = _error("kg m-3", "air density")
+    tilt: Number | None = quantity(None, "rad", "angle of the plane of swing out of the vertical", ge=-0.5, le=0.5)
+    tilt_uncertainty: Number = _error("rad", "tilt")
+    yaw_rate: Number | None = quantity(None, "rad s-1", "rate of turn of the plane of swing", ge=-1, le=1)
+    yaw_rate_uncertainty: Number = _error("rad s-1", "rate of turn")
+    latitude: Number | None = quantity(None, "degrees", "latitude, north positive", ge=-90, le=90)
+    longitude: Number | None = quantity(None, "degrees", "longitude, east positive", ge=-360, le=360)
+    height: Number | None = quantity(None, "m", "height above the sea's surface", ge=-1.2e4, le=1e4)
+    tide: Switch = quantity(False, "", "whether the tide of a yielding Earth acts; it needs latitude and longitude")
+    speed: Number | None = quantity(None, "m s-1", "speed of the ship over ground", ge=0, le=100)
+    course: Number | None = quantity(None, "degrees", "course over ground, from north by east", ge=-360, le=360)
+    speed_uncertainty: Number = _error("m s-1", "speed")
+    course_uncertainty: Number = _error("degrees", "course")
+    chronometer_rate_uncertainty: Number = _error("s day-1", "chronometer rate")
+    bases: tuple[BaseStation, ...] = quantity((), "", "occupations of base stations, in order of time")
+    base_period_uncertainty: Number = quantity(0.0, "s", "1 sigma of the periods at bases, stated", ge=0, le=1)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        half = (self.speed is None) != (self.course is None) or (self.speed is not None and self.latitude is None)
+        refuse(half, "the ship's way needs latitude, speed and course together")
+        refuse(self.tide and None in (self.latitude, self.longitude), "tide needs latitude and longitude")
+        lacking = self.temperature_amplitude and self.temperature is None
+        refuse(lacking, "temperature_amplitude needs the mean temperature")
+        for name in ("temperature", "air_density", "tilt", "yaw_rate", "speed", "course"):
+            lacking = getattr(self, f"{name}_uncertainty") and getattr(self, name) is None
+            refuse(lacking, f"{name}_uncertainty needs {name}")
+        refuse(self.base_period_uncertainty and not self.bases, "base_period_uncertainty needs bases")
+        times = [base.time for base in self.bases]
+        refuse(sorted(set(times)) != times, "bases must be in order of time")
+        return self

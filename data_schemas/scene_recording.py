@@ -1,4 +1,7 @@
-"""How a scene is recorded: traces, sample times, reading noise and every defect of a real film or logger."""
+"""How a scene is recorded: traces, sample times, reading noise, every defect of a real film or logger; and its film.
+
+A film comes to be in two steps: it is exposed (camera, clock, drive and lamp); then development, dirt and scanner.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,18 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from data_schemas.scene_fields import Count, Number, Rational, Section, Switch, TraceName, check_distinct, quantity
+from data_schemas.scene_fields import (
+    Count,
+    Number,
+    Rational,
+    Section,
+    Seed,
+    Switch,
+    TraceName,
+    check_distinct,
+    quantity,
+    refuse,
+)
 
 _DEFAULT_RATE = Fraction(25)  # Hz
 _DEFAULT_MARKS = Fraction(1, 2)  # s
@@ -35,8 +49,7 @@ class Stretch(Section):
 
     @model_validator(mode="after")
     def _forwards(self) -> Self:
-        if self.stop <= self.start:
-            raise ValueError("stop must be after start")
+        refuse(self.stop <= self.start, "stop must be after start")
         return self
 
 
@@ -113,24 +126,107 @@ class Recording(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.mark_gap >= self.gap_interval:
-            raise ValueError("mark_gap must be shorter than gap_interval")
-        if self.outliers and not self.outlier_amplitude:
-            raise ValueError("outliers need an outlier_amplitude above 0")
-        if self.outlier_amplitude and not self.outliers:
-            raise ValueError("outlier_amplitude needs a number of outliers")
-        if self.clock_steps and not float(self.step) + min(0.0, *(each.size for each in self.clock_steps)) > 0:
-            raise ValueError("clock_steps back by more than a sampling step make time run backwards")
+        refuse(self.mark_gap >= self.gap_interval, "mark_gap must be shorter than gap_interval")
+        refuse(self.outliers and not self.outlier_amplitude, "outliers need an outlier_amplitude above 0")
+        refuse(self.outlier_amplitude and not self.outliers, "outlier_amplitude needs a number of outliers")
+        least = float(self.step) + min((each.size for each in self.clock_steps), default=0.0)
+        refuse(not least > 0, "clock_steps back by more than a sampling step make time run backwards")
         if self.marks and self.sampling_rate != _DEFAULT_RATE:
             raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
-        if not self.marks and self.mark_interval != _DEFAULT_MARKS:
-            raise ValueError("mark_interval needs marks = true")
+        refuse(not self.marks and self.mark_interval != _DEFAULT_MARKS, "mark_interval needs marks = true")
         check_distinct((trace.name for trace in self.traces or ()), "traces must have different names")
-        if self.traces is not None and not self.traces:
-            raise ValueError("traces must name at least one trace, or be left out")
+        refuse(self.traces == (), "traces must name at least one trace, or be left out")
         return self
 
     @property
     def step(self) -> Fraction:
         """Time between readings, s, by the chronometer."""
         return self.mark_interval if self.marks else 1 / self.sampling_rate
+
+
+class FilmTrace(Section):
+    """Where one trace of the record lies on the film; what is left out is that of the film."""
+
+    name: TraceName = quantity(..., "", "name of the trace, as in the record")
+    position: Number | None = quantity(None, "mm", "place across the paper; left out: spread evenly", ge=0, le=2000)
+    offset: Number = quantity(0.0, "mm", "how much later along the film this trace is written", ge=-100, le=100)
+    lever: Number | None = quantity(None, "mm rad-1", "deflection per elongation; left out: the film's", gt=0, le=1e6)
+
+
+class Dimming(Stretch):
+    """A stretch of time in which the lamp is weak; `[10, 20, 0.15]` says the same as the three keys."""
+
+    factor: Number = quantity(..., "1", "light that is left of the lamp's", ge=0, le=10)
+
+
+class Film(Section):
+    """A film and its scan. Every defect is absent unless it is named.
+
+    Characteristic curve: density = fog + (density_max - fog) / (1 + (half_exposure / exposure)^gamma).
+
+    Examples
+    --------
+    >>> Film(speed=1.5, grain=0.05).gap
+    0.03
+    """
+
+    # optics and layout; dimensions of historic cameras were found in no source: these are assumed
+    speed: Number = quantity(5.0, "mm s-1", "nominal speed of the film", gt=0, le=200)
+    paper_width: Number = quantity(127.0, "mm", "width of the paper", ge=5, le=2000)
+    margin: Number = quantity(10.0, "mm", "blank film before the start and after the end", ge=0, le=10_000)
+    spot: Number = quantity(0.10, "mm", "1 sigma of the spot of light, a Gaussian", ge=0.005, le=5)
+    lever: Number = quantity(2000.0, "mm rad-1", "optical lever: deflection on the film per elongation", gt=0, le=1e6)
+    traces: tuple[FilmTrace, ...] = quantity((), "", "place, offset and lever of single traces, by name")
+    lamp: Number = quantity(1.0, "1", "exposure on the axis of a line at rest at nominal speed", gt=0, le=1e3)
+    blackouts: tuple[Stretch, ...] = quantity((), "", "stretches with the lamp off, as [start, stop] in s")
+    dimmings: tuple[Dimming, ...] = quantity((), "", "stretches with the lamp weak, as [start, stop, factor]")
+    # the chronometer's shutter: closed for a moment, centred on every mark
+    mark_interval: Number = quantity(0.5, "s", "time between the chronometer's marks", ge=0.01, le=3600)
+    gap: Number = quantity(0.03, "s", "how long the shutter is closed, centred on the mark; 0: no marks", ge=0, le=10)
+    minute_code: Number = quantity(0.125, "s", "second closing after each full minute; 0: never", ge=0, le=60)
+    missing_marks: Number = quantity(0.0, "1", "part of the marks at which the shutter stays open", ge=0, le=1)
+    spurious_marks: Count = quantity(0, "1", "number of gaps at random that are no marks", ge=0, le=1_000_000)
+    # how the paper runs, and what becomes of it when it dries
+    drift: Number = quantity(0.0, "1", "part by which the speed changes from start to end", ge=-0.5, le=0.5)
+    wow: Number = quantity(0.0, "1", "amplitude of a periodic error of the speed, as part of it", ge=0, le=0.5)
+    wow_period: Number = quantity(7.0, "s", "period of that error", ge=0.1, le=1e5)
+    walk: Number = quantity(0.0, "1", "rms of a random error of the speed, as part of it", ge=0, le=0.1)
+    walk_time: Number = quantity(5.0, "s", "time over which the random error is correlated", ge=0.5, le=1e5)
+    stretch_along: Number = quantity(0.0, "1", "part by which the paper is longer than when exposed", ge=-0.1, le=0.1)
+    stretch_across: Number = quantity(0.0, "1", "part by which it is wider", ge=-0.1, le=0.1)
+    skew: Number = quantity(0.0, "degrees", "shear: column c falls tan(skew) * c rows further along", ge=-20, le=20)
+    # what development shows of the light
+    fog: Number = quantity(0.1, "1", "density of what was not exposed", ge=0, le=3)
+    density_max: Number = quantity(1.5, "1", "density of what was exposed without end", gt=0, le=6)
+    half_exposure: Number = quantity(0.2, "1", "exposure that gives half of the range", gt=0, le=1e3)
+    gamma: Number = quantity(1.5, "1", "steepness of the curve", ge=0.2, le=10)
+    grain: Number = quantity(0.0, "1", "1 sigma of a pixel at 300 dpi where density is 1; as its root", ge=0, le=1)
+    fog_gradient: Number = quantity(0.0, "1", "fog of the right edge less that of the left", ge=-2, le=2)
+    # what chance and people leave on a film
+    dust: Number = quantity(0.0, "dm-2", "specks and pinholes on each square decimetre", ge=0, le=1e4)
+    scratches: Number = quantity(0.0, "m-1", "scratches along each metre of film", ge=0, le=1e3)
+    handwriting: Count = quantity(0, "1", "notes written on the film", ge=0, le=1000)
+    torn_end: Number = quantity(0.0, "mm", "length of film that is torn off at its end", ge=0, le=1e6)
+    # the image that is made of the film
+    dpi: Number = quantity(300.0, "inch-1", "pixels to the inch", ge=50, le=4800)
+    bits: Literal[8, 16] = quantity(8, "1", "bits of a pixel")
+    polarity: Literal["negative", "positive"] = quantity("negative", "", "'negative': dark lines on light paper")
+    upside_down: Switch = quantity(False, "", "whether the film lay in the scanner turned by half a turn")
+    rotation: Number = quantity(0.0, "degrees", "turn in the scanner; positive: its end is further right", ge=-5, le=5)
+    vignette: Number = quantity(0.0, "1", "part of the light lost at the image's left and right edge", ge=0, lt=1)
+    blur: Number = quantity(0.0, "1", "1 sigma of the scanner's blur, px", ge=0, le=10)
+    seed: Seed | None = quantity(None, "1", "all chance of the film comes from this number; left out: the scene's")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_distinct((trace.name for trace in self.traces), "traces must have different names")
+        refuse(self.gap > 0.5 * self.mark_interval, "gap must be at most half of mark_interval")
+        if self.minute_code and not self.gap < self.minute_code < self.mark_interval - self.gap:
+            raise ValueError(
+                "minute_code must be longer than the gap and shorter than mark_interval less the gap, or 0"
+            )
+        slowest = 1.0 - max(-self.drift, 0.0) - self.wow - 4.0 * self.walk
+        refuse(slowest < 0.1, "drift, wow and walk together would stop the film; make them smaller")
+        darkest = self.fog + abs(self.fog_gradient)
+        refuse(self.density_max <= darkest, "density_max must be above the fog, its gradient included")
+        return self

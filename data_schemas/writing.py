@@ -19,11 +19,11 @@ import numpy as np
 from h5py import h5a, h5ds, h5s, h5t
 from numpy.typing import NDArray
 
-from .adopting import PACKING
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, from_tree, key, shown, type_name
 from .errors import FileError
 from .guard import BOOKKEEPING, Budget, survey
+from .layouts import PACKING
 
 if TYPE_CHECKING:
     import xarray as xr

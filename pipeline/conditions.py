@@ -74,12 +74,7 @@ def rate_uncertainty(time: Floats, sigma: Floats) -> float:
 
     Two times share an error as large as the least uncertainty of all times between them: a constant uncertainty costs
     no rate, one that rises from an instant on is a step of the clock, a hump an error that passes. The rate is the
-    slope of a straight line through all errors.
-
-    Parameters
-    ----------
-    time, sigma : (n,) arrays
-        s.
+    slope of a straight line through all errors. `time` and `sigma` are (n,), s.
 
     Examples
     --------

@@ -7,11 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
+from pipeline.conditions import MGAL
 from pipeline.correction import NON_ISOCHRONISM
 from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.harmonics.envelope import fill
 from pipeline.ledger import book, own
-from pipeline.ledger.entry import DAY, MGAL, Case, Entry, arc_answer
+from pipeline.ledger.entry import DAY, Case, Entry, arc_answer
 from pipeline.prepared import Prepared
 
 SOURCES = {"chronometer": "clock", "base_tie": "ratio"}  # Of the ledger's entries that bear another name in the budget

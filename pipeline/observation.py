@@ -221,16 +221,7 @@ def _constants(stored: Any, rows: list[int]) -> dict[str, Any]:
 def uniform_grid(time: Floats, series: Sequence[Floats]) -> tuple[Floats, float, Sequence[Floats]]:
     """Lay samples on a uniform grid where their times allow it; absent samples become NaN. Returns time, step, series.
 
-    Parameters
-    ----------
-    time : (n,) array
-        Strictly increasing, seconds, starting at 0.
-    series : sequence of (n,) arrays
-
-    Raises
-    ------
-    RefusedError
-        The times lie on no grid.
+    `time` (n,) increases strictly, s, from 0 on; each of the series is (n,). `RefusedError`: the times lie on no grid.
     """
     count, length = time.size, float(time[-1])
     if count > 1 and np.abs(time - np.linspace(0.0, length, count)).max() <= GRID_TOLERANCE:

@@ -8,12 +8,11 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from data_schemas.errors import RecordError, RefusedError, UsageError
+from data_schemas.errors import RefusedError, UsageError
 from data_schemas.layouts import REWRITTEN
 from pipeline import methods
-from pipeline.flags import of_film
 from pipeline.observation import observe
-from pipeline.reduction import Reduction, reduce_by, refused
+from pipeline.reduction import Reduction, of_film, reduce_by, refused
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -67,7 +66,8 @@ def process(
     UsageError
         A name that is not a method, pair or choice of quantities, or a negative uncertainty.
     """
-    from data_schemas import adopted, check
+    from data_schemas import adopted
+    from data_schemas.checking import checked
     from pipeline.prepared import prepare
     from pipeline.result import build_result
 
@@ -78,16 +78,14 @@ def process(
     if quantities not in ("all", "gravity"):
         raise UsageError(f"quantities: {quantities!r} is not known; give all or gravity")
     record = adopted(record)
-    faults = check(record, "record")
-    if faults:
-        raise RecordError("; ".join(faults))
+    contents = checked(record, "record")
     raised = of_film(record, accept)
     if REWRITTEN in record.attrs:
         raised = (*raised, REWRITTEN)
     if record["record"].sizes["trace"] == 1 and pair is None:
         from pipeline.period.result import period_result
 
-        return period_result(record, requested, started, raised)
+        return period_result(record, contents, requested, started, raised)
     others = [name for name in requested if name not in _JOINTLY]
     joint, found = None, dict[str, Reduction]()
     if len(others) < len(requested):
@@ -118,7 +116,7 @@ def process(
     reductions = [replace(found[name], flags=(*found[name].flags, *raised)) for name in requested]
     own_source = None if prepared is source else prepared
     bare = quantities == "gravity"
-    return build_result(record, source, own_source, reductions, joint, full=full, bare=bare, started=started)
+    return build_result(record, contents, source, own_source, reductions, joint, full=full, bare=bare, started=started)
 
 
 def _named(method: str | Function) -> str:

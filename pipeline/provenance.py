@@ -10,7 +10,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from xarray import DataTree
+    from data_schemas.contents import Contents
 
 _PACKAGES = ("isochrony", "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "boule")
 
@@ -33,13 +33,13 @@ def command_line() -> str:
     return words.encode("utf-8", "backslashreplace").decode()
 
 
-def provenance(record: DataTree) -> dict[str, Any]:
+def provenance(record: Contents) -> dict[str, Any]:
     """`input_sha256`, `versions`, `command` and `history` of a result."""
-    from data_schemas import content_sha256
+    from data_schemas.checksum import ATTRIBUTE, digest
 
-    stored = record.attrs.get("content_sha256")
+    stored = record[""].attrs.get(ATTRIBUTE)
     return {
-        "input_sha256": str(stored) if stored else content_sha256(record),
+        "input_sha256": str(stored) if stored else digest(record),
         "versions": versions(),
         "command": command_line(),
         "history": "made by isochrony process",

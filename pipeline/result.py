@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from data_schemas.checksum import numbers_sha256
+from data_schemas.contents import Contents
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
 from pipeline import quantities
-from pipeline.anomaly import anomalies
 from pipeline.arrays import Floats
-from pipeline.conditions import Constants
+from pipeline.conditions import MGAL, Constants
 from pipeline.flag_words import told
 from pipeline.ledger.book import corrections
-from pipeline.ledger.entry import MGAL
+from pipeline.ledger.earth import anomalies
 from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared
 from pipeline.provenance import provenance
@@ -48,6 +48,7 @@ _EXTRA = {
 
 def build_result(
     record: DataTree,
+    contents: Contents,
     prepared: Prepared,
     own: Prepared | None,
     reductions: Sequence[Reduction],
@@ -59,16 +60,9 @@ def build_result(
 ) -> DataTree:
     """Lay out gravity, phases, corrections, course, residual and provenance.
 
-    Parameters
-    ----------
-    prepared, own : Prepared
-        What phases and corrections are drawn from; what methods of one difference looked at, where it is another one.
-    reductions : sequence of Reduction
-        In the order they were asked for.
-    full, bare : bool
-        Whether the pendulums' angles at the record's own times are laid out too; whether gravity alone is.
-    started : float
-        By `time.perf_counter`.
+    `contents` are those of the record; phases and corrections are drawn from `prepared`; `own` is what methods of one
+    difference looked at, where it is another one. `full`: the pendulums' angles at the record's own times are laid out
+    too; `bare`: gravity alone is. `started` is by `time.perf_counter`.
     """
     from xarray import Dataset, DataTree
 
@@ -103,7 +97,7 @@ def build_result(
     tree = DataTree(Dataset(coords={"time": ("time", time, of_time)}))
     tree.children = {name: DataTree(group) for name, group in groups.items()}  # `from_dict` copies twice
     configuration = {"pair": "-".join(pendulums), "methods": names}
-    tree.attrs.update(result_attributes(record, configuration, started))
+    tree.attrs.update(result_attributes(contents, configuration, started))
     tree.attrs["numbers_sha256"] = numbers_sha256(tree)
     return tree
 
@@ -124,9 +118,9 @@ def _difference(
     return read, np.where(np.isfinite(residual), read - residual, swing[0] - swing[1]), residual
 
 
-def result_attributes(record: DataTree, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
+def result_attributes(record: Contents, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
     """Root attributes: identity, provenance, configuration and time taken."""
-    record_id = str(record.attrs.get("record_id", ""))
+    record_id = str(record[""].attrs.get("record_id", ""))
     return {
         **root_attributes("result", record_id),
         "title": f"gravity of record {record_id}",
@@ -165,17 +159,17 @@ def _gravity(
         "applied": ledger("applied", False).astype(np.uint8),
         "reason": ledger("reason", "the method refused").astype(object),
         "input": ledger("inputs", "").astype(object),
-        "formula": _text(module.FORMULA for module in every),
-        "formula_source": _text(module.SOURCE for module in every),
+        "formula": [module.FORMULA for module in every],
+        "formula_source": [module.SOURCE for module in every],
         "noise_sigma": column(lambda r: r.gravity.noise),
         "uncorrected": column(lambda r: r.gravity.uncorrected),
         **anomalies(constants, gravity),
-        "requested": _text(r.requested for r in reductions),
-        "resolved": _text(r.method for r in reductions),
-        "status": _text("ok" if r.gravity else "refused" for r in reductions),
-        "error": _text(r.error for r in reductions),
-        "choice_reason": _text(r.reason for r in reductions),
-        "method_flags": _text(" ".join(r.flags) for r in reductions),
+        "requested": [r.requested for r in reductions],
+        "resolved": [r.method for r in reductions],
+        "status": ["ok" if r.gravity else "refused" for r in reductions],
+        "error": [r.error for r in reductions],
+        "choice_reason": [r.reason for r in reductions],
+        "method_flags": [" ".join(r.flags) for r in reductions],
         "samples_used": column(lambda r: r.estimate.samples, 0).astype(np.int64),
         "reading_noise": column(lambda r: r.estimate.noise),
         "damping_rate": column(lambda r: r.estimate.damping_rate),
@@ -184,10 +178,10 @@ def _gravity(
         "sensitivity_gain": column(lambda r: r.gravity.per_gain),
         "elapsed": np.array([r.elapsed for r in reductions]),
         "share": column(lambda r: [r.gravity.budget.get(s, 0.0) for s in sources], [nan] * len(sources)),
-        "advice": _text(r.gravity.advice if r.gravity else "" for r in reductions),
+        "advice": [r.gravity.advice if r.gravity else "" for r in reductions],
     }
     if raised:
-        variables |= {"flag": _text(raised), "flag_meaning": _text(told(name) for name in raised)}
+        variables |= {"flag": raised, "flag_meaning": [told(name) for name in raised]}
     coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
     return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
 
@@ -196,7 +190,3 @@ def _labels(reductions: Sequence[Reduction]) -> list[str]:
     """Name of each row: the method, or `auto` where it chose one that was asked for by name as well."""
     named = {reduction.method for reduction in reductions if reduction.requested != "auto"}
     return [r.requested if r.requested == "auto" and r.method in named else r.method for r in reductions]
-
-
-def _text(values: Any) -> np.ndarray:
-    return np.array(list(values), dtype=object)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import xarray as xr
 from xarray import DataTree
 
@@ -15,6 +17,12 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+UNSURE = 0.95  # of a verdict, below which it is flagged
+_SUMMED = {
+    "confidence": "confidence", "angle_rad": "locked_angle", "angle_sigma_rad": "locked_angle_sigma",
+    "lock_time_s": "lock_time", "slips": "slips", "rate_difference_per_day": "mean_rate_difference",
+    "rate_difference_sigma_per_day": "mean_rate_difference_sigma", "amplitude_ratio": "amplitude_ratio",
+}  # fmt: skip
 SHOWN = ("method", "gravity_m_s2", "gravity_sigma_mgal", "uncorrected_m_s2", "status")
 
 
@@ -24,13 +32,9 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     Keys are those of the contract but for `input` and `output`, which only the caller knows.
     """
     if "synchrony" in result.children:
-        from pipeline.synchronism.recipe import synchrony_summaries
-
-        return synchrony_summaries(result)
+        return _of_synchrony(result)
     if "gravity" not in result.children:
-        from pipeline.period.result import period_summaries
-
-        return period_summaries(result)
+        return _of_period(result)
     table = result["gravity"].dataset.variables
     pendulums, entries = ([str(label) for label in table[name].values] for name in ("pendulum", "entry"))
     methods = {str(name): each.values for name, each in table.items() if each.dims[:1] == ("estimator",)}
@@ -86,7 +90,7 @@ def _entry(row: Mapping[str, Any], k: int) -> dict[str, Any]:
     }
 
 
-def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:
+def _without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:
     """What every summary begins with, of an analysis that gives no gravity."""
     return {
         "record_id": str(result.attrs["record_id"]),
@@ -101,6 +105,44 @@ def without_gravity(result: DataTree, requested: str, method: str) -> dict[str, 
         "corrections_mgal": {},
         "sensitivity_mgal": {},
     }
+
+
+def _of_period(result: DataTree) -> list[dict[str, Any]]:
+    """The one dictionary of a single trace; keys of the contract, gravity null."""
+    table = result["period"].dataset
+    given = {
+        "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "period_s": "period",
+        "period_sigma_s": "period_sigma", "amplitude_scale": "amplitude_scale",
+        "amplitude_scale_sigma": "amplitude_scale_sigma", "rest_position_rad": "rest_position",
+    }  # fmt: skip
+    values = {key: float(table[name]) for key, name in given.items() if name in table}
+    flags = [str(flag) for flag in table["flag"].values] if "flag" in table else []
+    more = {"friction": str(table["friction"].values), "flags": flags, "samples_used": int(table.sizes["cycle"])}
+    none = _without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period")
+    return [none | values | more | {"elapsed_s": float(table["elapsed"])}]
+
+
+def _of_synchrony(result: DataTree) -> list[dict[str, Any]]:
+    """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
+    table = result["synchrony"].dataset
+    clocks = [str(label) for label in table["clock"].values]
+    rows, of_film_too = [], [flag for flag in table.attrs.get("film_flags", "").split(", ") if flag]
+    for k, name in enumerate(str(pair) for pair in table["pair"].values):
+        one = table.isel(pair=k)
+        seen = {key: float(one[own]) for key, own in _SUMMED.items()}
+        found: dict[str, Any] = {"pair": name, "verdict": str(one["verdict"].values)}
+        found |= {key: None if math.isnan(value) else value for key, value in seen.items()}
+        found["slips"] = int(one["slips"])
+        found["beam_amplitude_m"] = float(table["beam_amplitude"]) if "beam_amplitude" in table else None
+        more = {
+            "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
+            "synchrony": found,
+            "flags": ["unsure-verdict"] * (float(one["confidence"]) < UNSURE) + of_film_too,
+            "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
+            "elapsed_s": float(result.attrs["elapsed_s"]),
+        }
+        rows.append(_without_gravity(result, "synchrony", "synchrony") | more)
+    return rows
 
 
 @xr.register_datatree_accessor("isochrony")

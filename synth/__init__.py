@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from data_schemas.scene_film import Film
+    from data_schemas.scene_recording import Film
     from synth.ensemble import simulate_ensemble as simulate_ensemble
     from synth.ensemble import write_ensemble as write_ensemble
     from synth.film.exposing import expose as expose
@@ -83,7 +83,7 @@ def load_film(name: str) -> Film:
 
     from data_schemas.errors import SceneError
     from data_schemas.scene_fields import one_line
-    from data_schemas.scene_film import Film
+    from data_schemas.scene_recording import Film
     from data_schemas.text_files import load_toml
 
     path, known = Path(name), ", ".join(films())

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from data_schemas.scene import Propagator, Scene
-from data_schemas.scene_conditions import felt_gravity
+from data_schemas.scene import Propagator, Scene, felt_gravity
 from data_schemas.scene_pendulum import BeamSupport, BoardSupport, FrameSupport, FreeStart, ImpulseEscapement, Pendulum
 from synth.disturbances import Kicks
 from synth.motion.harmonic_sum import HarmonicSum

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 from data_schemas.errors import SceneError
-from data_schemas.scene import Propagator, Scene
-from data_schemas.scene_conditions import frequency
+from data_schemas.scene import Propagator, Scene, frequency
 from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 
 LINEAR, SINE = "the linear law", "the sine law"

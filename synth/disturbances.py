@@ -46,9 +46,8 @@ from fractions import Fraction
 import numpy as np
 
 from data_schemas.errors import SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import LARGEST_CHANGE, LinearCourse, SineCourse, felt_gravity, frequency, period
-from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, Tilt
+from data_schemas.scene import LARGEST_CHANGE, Scene, felt_gravity, frequency, period
+from data_schemas.scene_motion import GimbalTilt, HarmonicTilt, LinearCourse, SineCourse, Tilt
 from data_schemas.scene_pendulum import Clamp, Knock, Release, Restart
 from synth.kernels.tide import tide
 from synth.motion.harmonic_sum import HarmonicSum, add, harmonics

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from data_schemas.errors import RefusedError, SceneError
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import felt_gravity, frequency
+from data_schemas.scene import Scene, felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
 from synth.disturbances import Kicks, gravity_change, held, kicks, lifted, mean_change, tilt

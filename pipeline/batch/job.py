@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import data_schemas
 from data_schemas.errors import FileError, IsochronyError, RefusedError, naming
+from data_schemas.shield import bounded
 from data_schemas.text_files import file_sha256
 from data_schemas.writing import sync_folder
-from pipeline.memory import bounded
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -19,8 +19,7 @@ import numpy as np
 import synth
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
-from data_schemas.scene_film import Dimming, Film
-from data_schemas.scene_recording import Stretch
+from data_schemas.scene_recording import Dimming, Film, Stretch
 from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
 from pipeline.benchmarks.tables import Row, at_least, at_most, draws, holds, not_measured, progress
 from pipeline.film.digitise import digitise, open_film

@@ -17,10 +17,10 @@ from importlib import import_module
 from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
+from data_schemas.shield import bounded
 from pipeline.cli import simulate, small
 from pipeline.cli.parser import Parser, did_you_mean
 from pipeline.cli.tables import Printable, complain
-from pipeline.memory import bounded
 from synth.kernels import cache
 
 _NAMES = (

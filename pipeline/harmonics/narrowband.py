@@ -81,16 +81,9 @@ def phase_slope(time: Floats, envelope: Complexes, weight: Floats) -> float:
 def fit_narrowband(
     envelope: Envelope, ratio: float, damping_difference: float, damping_rate: float | None
 ) -> NarrowbandFit:
-    """Fit the complex form of (27); gaps of the input are bridged, those of the difference have no weight.
+    """Fit the complex form of (27); gaps of the input are interpolated, those of the difference have no weight.
 
-    Parameters
-    ----------
-    ratio : float
-        n1/n2.
-    damping_difference : float
-        gamma1 - gamma2, s-1.
-    damping_rate : float or None
-        gamma2, s-1; None = fitted.
+    `ratio` is n1/n2, `damping_difference` gamma1 - gamma2, `damping_rate` gamma2, s-1; None = fitted.
     """
     time, hop, carrier = envelope.time - envelope.time[0], envelope.hop, envelope.carrier
     weight = np.where(np.isfinite(envelope.difference), envelope.coverage, 0.0)

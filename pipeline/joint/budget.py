@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.arrays import Floats
+from pipeline.conditions import MGAL
 from pipeline.joint import kinds
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import is_knot, mean_row, prior_root
 from pipeline.joint.explanation import Fitted
 from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.ledger.entry import MGAL
 from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 
 LARGER = 1.1  # a noise, for its share

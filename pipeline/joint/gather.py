@@ -16,7 +16,7 @@ from pipeline.joint import screening
 from pipeline.joint.flow import NODES, POINTS
 from pipeline.joint.lattice import FAST_ANGLE, Lattice, lay, shared_angle
 from pipeline.joint.problem import Problem
-from pipeline.ledger import eotvos, tide
+from pipeline.ledger import earth
 from pipeline.observation import instrument
 
 if TYPE_CHECKING:
@@ -217,13 +217,13 @@ def _from_the_vertical(
 def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     """Known change of gravity over reference gravity, from its mean, at the nodes of each step: way, temperature."""
     constants, change = known["constants"], np.zeros(time.size)
-    if any(f"{name}_course" in constants for name in eotvos.NEEDS) and all(name in constants for name in eotvos.NEEDS):
-        change -= eotvos.eotvos(*eotvos.navigation(constants)) / known["reference_gravity"]
+    if any(f"{name}_course" in constants for name in earth.WAY) and all(name in constants for name in earth.WAY):
+        change -= earth.eotvos(*earth.navigation(constants)) / known["reference_gravity"]
     if "temperature_course" in constants and all(name in constants for name in TEMPERATURE):
         longer = float(np.mean(constants["temperature_coefficient"] / constants["period"]))
         change += (1.0 + longer * (constants["temperature_course"] - constants["temperature"])) ** -2.0
-    if "epoch" in constants and all(name in constants for name in tide.NEEDS):
-        lost = tide.tidal_loss(constants, time) / known["reference_gravity"]
+    if "epoch" in constants and all(name in constants for name in earth.PLACE):
+        lost = earth.tidal_loss(constants, time) / known["reference_gravity"]
         change -= lost if np.ptp(lost) > LEAST_TIDE else 0.0
     if not np.ptp(change):
         return np.zeros((0, POINTS))

@@ -10,7 +10,6 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
-from pipeline.flags import flags
 from pipeline.gravity import MGAL, gravity
 from pipeline.joint import apparatus, budget
 from pipeline.joint.course import mean_gravity, weights
@@ -18,10 +17,10 @@ from pipeline.joint.explanation import Fitted, angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Ship
-from pipeline.ledger import eotvos
+from pipeline.ledger import earth
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Prepared
-from pipeline.reduction import Reduction
+from pipeline.reduction import Reduction, flags
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -44,9 +43,9 @@ class Joint:
     def eotvos(self) -> str:
         """What was done about the Eotvos effect, in words."""
         constants = self.prepared.observation.constants
-        if any(name not in constants for name in eotvos.NEEDS):
+        if any(name not in constants for name in earth.WAY):
             return "not reduced: latitude, speed or course is not stated"
-        changing = any(f"{name}_course" in constants for name in eotvos.NEEDS)
+        changing = any(f"{name}_course" in constants for name in earth.WAY)
         return "reduced as it changes along the track" if changing else "reduced as a constant"
 
     def course(self, time: Floats) -> tuple[dict[str, Floats], dict[str, float | str]]:

@@ -10,10 +10,9 @@ import numpy as np
 
 from data_schemas.errors import UsageError
 from data_schemas.variables import add_constant
-from pipeline.ledger import instrument, own, stand
-from pipeline.ledger.entry import ASSUMED, MGAL, Case, Change, Correction, Entry, absent
-from pipeline.ledger.eotvos import way
-from pipeline.ledger.tide import moon_and_sun
+from pipeline.conditions import MGAL
+from pipeline.ledger import earth, instrument, own
+from pipeline.ledger.entry import ASSUMED, Case, Change, Correction, Entry, absent
 
 OWN: tuple[Correction, ...] = (
     own.non_isochronism, own.ZERO, own.SCALE, own.CLOCK_STEPS, own.finite_arc, own.CASE_TILT,
@@ -21,8 +20,9 @@ OWN: tuple[Correction, ...] = (
 )  # fmt: skip
 """What a method corrects itself: parts of the one frequency that it gives."""
 GIVEN: list[Correction] = [
-    stand.transverse_acceleration, stand.rocking, stand.planes, instrument.chronometer, instrument.temperature,
-    instrument.air_density, instrument.flexure, instrument.base_tie, stand.yaw, stand.tilt, way, moon_and_sun,
+    instrument.transverse_acceleration, instrument.rocking, instrument.planes, instrument.chronometer,
+    instrument.temperature, instrument.air_density, instrument.flexure, instrument.base_tie, instrument.yaw,
+    instrument.tilt, earth.way, earth.moon_and_sun,
 ]  # fmt: skip
 """What the record states of clock, instrument, stand and way, in the order in which it is applied."""
 GROUP = "isochrony.corrections"  # Of entry points

@@ -22,7 +22,6 @@ from pipeline.harmonics.envelope import SlowMotion, fill
 from pipeline.harmonics.narrowband import running_integral
 from pipeline.prepared import Prepared
 
-MGAL = 1e-5  # m s-2
 DAY = 86400.0  # s
 ASSUMED = 0.01  # of a correction whose inputs state no uncertainty, 1 sigma
 
@@ -226,10 +225,9 @@ def turned(prepared: Prepared, phase: Floats) -> float:
 
 def mean_over_record(prepared: Prepared, time: Floats, series: Floats) -> float:
     """Mean of a course (m,) at times (m,), s by the record's clock, as it acts on n2, which changes in proportion."""
-    seen = prepared.observation
     centre = float(series.mean())
     grown = np.concatenate([[0.0], np.cumsum(0.5 * (series[1:] + series[:-1] - 2.0 * centre) * np.diff(time))])
-    at = np.interp(prepared.sliding.time + seen.start, time, grown)
+    at = np.interp(prepared.sliding.time + prepared.observation.start, time, grown)
     return centre + turned(prepared, at)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.ledger.entry import MGAL, Case, Change, Correction, correction
+from pipeline.conditions import MGAL
+from pipeline.ledger.entry import Case, Change, Correction, correction
 
 BROWNE = "Browne 1937, Mon. Not. R. astr. Soc. Geophys. Suppl. 4, 271"
 

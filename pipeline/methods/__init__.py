@@ -91,13 +91,7 @@ def known(name: str) -> bool:
 
 
 def method(name: str) -> Function:
-    """The function of a method.
-
-    Raises
-    ------
-    UsageError
-        There is no such method.
-    """
+    """The function of a method; `UsageError`: there is none of that name."""
     if not known(name) or not DECLARED[name].function:
         import difflib
 

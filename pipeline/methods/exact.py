@@ -1,17 +1,26 @@
 """`projection` and `shooting`: least squares on the exact identities that eliminate the support's acceleration.
 
 `projection` takes the pendulums as linear, `shooting` as real ones with finite arcs and the support's acceleration.
+
+Filters give the first pendulum and its acceleration free of the noise above three times the swing, which would enter
+the nonlinear terms squared: differentiated over the whole band of a 25 Hz record it shifts gravity by half a milligal.
+Both have a linear phase, are windowed sincs (Kaiser), and are corrected so that their gain is exact, with its slope and
+curvature, at zero and at the pendulum's frequency, and at that of swell, where nearly all of the motion is.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.estimate import COLOUR_SECONDS, Estimate
-from pipeline.identity.fit import Fit, Identity, linear
-from pipeline.identity.motion import Motion, motion
+from pipeline.harmonics.envelope import Envelope, fill, kaiser, reach_of, windowed
+from pipeline.methods.identity import Fit, Identity, linear
+from pipeline.observation import Observation
 from pipeline.prepared import LEAST_EXPLAINED, Prepared
 
 FINE_ANGLE = 0.8  # swing between readings, at most: eight readings a swing
@@ -22,6 +31,9 @@ FLOOR = 1e-5  # of the amplitude: a smaller residual shows nothing
 RIPPLE, COARSE, ORDER = 3e-9, 5e-6, 8
 """Numerical error, in parts of the strength of the nonlinear terms: the filters' ripple, and the quadrature's, which
 grows with that power of the swing's turn between samples; measured on simulated records (five motions, six rates)."""
+PASS, STOP = 3.0, 6.0  # times the swing's frequency: the nonlinear terms make lines up to the third
+SWELL = 0.3  # of the swing's frequency: the upper end of swell
+REJECTION = 150.0  # dB
 
 
 def require_clean(prepared: Prepared) -> None:
@@ -123,3 +135,115 @@ def numerical_error(fit: Fit, step: float) -> float:
     """What filters, quadrature and interpolation may do to n2, rad s-1."""
     strength = float(np.sqrt(np.mean(fit.stiffness**2))) / (2.0 * fit.frequency)
     return strength * (RIPPLE + COARSE * (fit.frequency * step) ** ORDER)
+
+
+class Filters(NamedTuple):
+    """Taps over `2 reach + 1` samples."""
+
+    low: Floats  # low-pass, gain 1
+    curvature: Floats  # theta'' + 2 gamma theta', s-2
+    reach: int  # samples lost at each end
+
+
+def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
+    """Design both filters for a swing of `frequency`, rad s-1, that is sampled six times at least, and gamma1, s-1.
+
+    With a notch the curvature's gain is zero at three times the swing, where noise is largest.
+    """
+    edge = PASS * frequency
+    stop = min(STOP * frequency, 2.0 * np.pi / step - edge)  # what folds onto the pass band must be gone
+    reach = reach_of(stop - edge, step, REJECTION)
+    low, slope, bend = windowed(0.5 * (edge + stop), reach, step, REJECTION)
+    bend -= bend.sum() / low.sum() * low  # the window's own curvature shifts the whole pass band alike
+    age = np.linspace(-1.0, 1.0, 2 * reach + 1)
+    length = reach * step
+    swell, swing, third = (np.cos(share * frequency * length * age) for share in (SWELL, 1.0, PASS))
+    sine = np.sin(frequency * length * age)
+    # gains at zero, swell and swing; first and second derivatives of the gain at the swing, second at zero
+    conditions = np.stack([np.ones_like(age), swell, swing, age * sine, age**2 * swing, age**2])
+    low = _exact(low, conditions, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]))
+    bent = [0.0, -((SWELL * frequency) ** 2), -(frequency**2), 2.0 * frequency / length, *(2.0 / length**2,) * 2]
+    if notch:
+        conditions, bent = np.vstack([conditions, third]), [*bent, 0.0]
+    bend = _exact(bend, conditions, np.array(bent))
+    return Filters(low, bend - 2.0 * damping_rate * slope, reach)  # slope is odd, and the taps are correlated
+
+
+def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
+    """Smallest change of taps, in the weight of the Kaiser window, with which `conditions @ taps` are as wanted."""
+    weighted = conditions * kaiser(taps.size, REJECTION)
+    return np.asarray(taps + weighted.T @ np.linalg.solve(conditions @ weighted.T, wanted - conditions @ taps))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """First pendulum and heave, of the samples less the ends that the filters lose."""
+
+    observation: Observation
+    inside: slice  # these samples, in the record
+    filters: Filters
+    low: Floats  # (m,) theta1 free of the noise above three times the swing, rad
+    bend: Floats  # (m,) `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`, s-2
+    shift: float  # what the noise of theta1 that the filters pass adds to the factor of sin d on average, s-2
+    held: float  # h, rad s-1
+
+    def stiffness(self, frequency: float) -> Floats | float:
+        """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""
+        square = frequency**2
+        if self.observation.vertical is None:
+            return square
+        return np.asarray(
+            square + square / self.observation.felt_gravity(frequency) * self.observation.vertical[self.inside]
+        )
+
+    def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats, Floats]:
+        """`N(d) = h^2 d - n2^2 F(d)` of real pendulums and its derivatives by d and n2, see `Identity`."""
+        cosine, sine = np.cos(self.low), np.sin(angle)
+        less = -2.0 * np.sin(0.5 * angle) ** 2  # cos d - 1
+        lever = (self.stiffness(frequency) + self.bend * np.sin(self.low)) / cosine - self.shift
+        by_angle = self.held**2 - lever * (1.0 + less) + self.bend * sine
+        return self.held**2 * angle - lever * sine - self.bend * less, by_angle, -2.0 * frequency * sine / cosine
+
+    def influence(self, fit: Fit) -> Floats:
+        """d n2 / d (sample of the first pendulum), s-1, of the whole record, from a fit of the difference."""
+        by, adjoint, out = fit.weights, fit.adjoint[2:], np.zeros(self.observation.theta.size)
+        driven, source = (np.convolve(adjoint, taps)[3:-3] for taps in (by.driven, by.source))
+        out[self.inside] = driven + by.direct * np.convolve(adjoint, by.swing)
+        # what of the nonlinear terms comes from the first pendulum as it is, and from its acceleration
+        tangent, sine = np.tan(self.low), np.sin(fit.model)
+        plain = -(self.stiffness(fit.frequency) * np.sin(self.low) + self.bend) / np.cos(self.low) ** 2 * sine
+        bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.observation.frequency_ratio**2
+        out += np.convolve(source * plain, self.filters.low) + np.convolve(source * bent, self.filters.curvature)
+        return -out
+
+
+def motion(
+    observation: Observation, frequency: float, damping_rate: float, noise: float, envelope: Envelope | None = None
+) -> Motion:
+    """Filter the first pendulum of a whole observation, exactly about h = `frequency`.
+
+    `noise` is its white reading noise, rad (0 where not known). Where an envelope is given the swing's third harmonic
+    is computed from it and not read: noise there comes back to the swing nine times as strong.
+    """
+    own, ratio = frequency * observation.frequency_ratio, observation.frequency_ratio
+    filters = design(own, observation.step, damping_rate + observation.damping_difference, envelope is not None)
+    inside = slice(filters.reach, observation.theta.size - filters.reach)
+    curved = np.correlate(observation.theta, filters.curvature, "valid")
+    if envelope is not None:
+        curved -= (3.0 * own) ** 2 * third_harmonic(envelope, observation.time[inside])
+    passed = 0.5 * frequency**2 * filters.low @ filters.low + filters.low @ filters.curvature * ratio**-2
+    return Motion(
+        observation=observation,
+        inside=inside,
+        filters=filters,
+        low=np.correlate(observation.theta, filters.low, "valid"),
+        bend=curved * ratio**-2,
+        shift=noise**2 * float(passed),  # mean of 1/cos theta1 and of theta1 w
+        held=frequency,
+    )
+
+
+def third_harmonic(envelope: Envelope, time: Floats) -> Floats:
+    """`-(A^3/192) cos 3 phi` of the first pendulum's swing, a real pendulum's own, at given times; rad."""
+    slow = np.interp(time, envelope.time, fill(envelope.first) ** 3 / -192.0)
+    return np.asarray((slow * np.exp(3j * envelope.carrier * time)).real)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.contents import Contents
 from data_schemas.variables import dataset
 from pipeline.gravity import DAY, MGAL
 from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
 from pipeline.result import result_attributes
-from pipeline.summary import without_gravity
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -40,7 +40,9 @@ _EXTRA = {
 }
 
 
-def period_result(record: DataTree, requested: Sequence[str], started: float, raised: Sequence[str] = ()) -> DataTree:
+def period_result(
+    record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
+) -> DataTree:
     """Analyse the only trace of a record and lay the result out, with flags that are `raised` already.
 
     `RefusedError`: too few swings or samples.
@@ -73,11 +75,11 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
         "damping_rate": fit.friction.damping_rate,
         "quadratic_damping": fit.friction.quadratic,
         "knife_edge": fit.friction.dry,
-        "friction": np.array(fit.friction.words, dtype=object),
+        "friction": fit.friction.words,
         **_gravity(fit.period * true, sigma, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
-        "flag": np.array(flags, dtype=object),
+        "flag": flags,
         "cycle_time": fit.time + time[0],
         "amplitude": fit.amplitude,
         "cycle_period": fit.cycle_period,
@@ -87,7 +89,7 @@ def period_result(record: DataTree, requested: Sequence[str], started: float, ra
     root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
     tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
     trace = str(record["record"].dataset["trace"].values[0])
-    tree.attrs.update(result_attributes(record, {"trace": trace, "methods": ["period"]}, started))
+    tree.attrs.update(result_attributes(contents, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)
     tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
     return tree
@@ -111,18 +113,3 @@ def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
     usual = steps[steps < 5.0 * np.median(steps)]
     least = float(changes.min()) if changes.size else 0.0
     return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}
-
-
-def period_summaries(result: DataTree) -> list[dict[str, Any]]:
-    """The one dictionary of a single trace; keys of the contract, gravity null."""
-    table = result["period"].dataset
-    given = {
-        "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "period_s": "period",
-        "period_sigma_s": "period_sigma", "amplitude_scale": "amplitude_scale",
-        "amplitude_scale_sigma": "amplitude_scale_sigma", "rest_position_rad": "rest_position",
-    }  # fmt: skip
-    values = {key: float(table[name]) for key, name in given.items() if name in table}
-    flags = [str(flag) for flag in table["flag"].values] if "flag" in table else []
-    more = {"friction": str(table["friction"].values), "flags": flags, "samples_used": int(table.sizes["cycle"])}
-    none = without_gravity(result, str(result.attrs.get("requested_method", "auto")), "period")
-    return [none | values | more | {"elapsed_s": float(table["elapsed"])}]

@@ -1,36 +1,41 @@
-"""The recipe: a record of clocks in, what they do to each other out, as a DataTree of the layout "isochrony-result"."""
+"""The recipe: a record of clocks in, what they do to each other out, as a DataTree of the layout "isochrony-result".
+
+Phase and amplitude of every pendulum come at common instants, one a swing, from weighted fits of a few swings each. In
+a Hann window a reading is {1, x} x {cos, sin} at the pendulum's own frequency, on a constant. Missing readings are left
+out, never filled; an instant with less than half of its window has no phase.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time as stopwatch
 from collections.abc import Collection
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from xarray import Dataset, DataTree
 
-from data_schemas import check
+from data_schemas.checking import checked
 from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
-from pipeline.arrays import Floats, row_means_present
-from pipeline.flags import of_film
+from pipeline.arrays import Floats, row_means_present, unwrapped
 from pipeline.gravity import DAY
+from pipeline.observation import combine, weights_of
+from pipeline.reduction import of_film
 from pipeline.result import result_attributes
-from pipeline.summary import without_gravity
-from pipeline.synchronism.phases import Phases, phases
 from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, block_slope, judge
 
 _LEAST_INSTANTS, _RATE_BLOCKS = 16, 16
 _A_DAY = DAY / (2.0 * math.pi)  # swings a day in a rad s-1
+SWINGS = 6.0  # Length of a window, in swings: what the phases of both do within it is averaged
+LEAST_COVERAGE = 0.5
+_LEAST_SWINGS = 12.0
+_LEAST_READINGS = 12  # of a window
+_TERMS = 5
+_PADDING = 4
 _MULTIPLES = {"vertical": 2.0, "horizontal": 1.0}  # of the clocks' frequency, at which the support moves
-UNSURE = 0.95
-_SUMMED = {
-    "confidence": "confidence", "angle_rad": "locked_angle", "angle_sigma_rad": "locked_angle_sigma",
-    "lock_time_s": "lock_time", "slips": "slips", "rate_difference_per_day": "mean_rate_difference",
-    "rate_difference_sigma_per_day": "mean_rate_difference_sigma", "amplitude_ratio": "amplitude_ratio",
-}  # fmt: skip
 
 
 def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
@@ -59,9 +64,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
         Too short, too rarely read, a pendulum that does not swing, or a film's flag that blocks.
     """
     started = stopwatch.perf_counter()
-    faults = check(record, "record")
-    if faults:
-        raise RecordError("; ".join(faults))
+    contents = checked(record, "record")
     raised = of_film(record, accept)
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
@@ -69,7 +72,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     _refuse_rare(record, float(np.median(np.diff(time))))
     seen = phases(time, elongation)
     moved, direction = _beam(record, time, seen)
-    values = {"clock": _texts(labels), "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
+    values = {"clock": labels, "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
     values |= {**_pairs(labels, seen, float(recorded[0])), **moved}
     averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
     values |= {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
@@ -79,7 +82,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     group.attrs["film_flags"] = ", ".join(raised)
     instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))
     tree = DataTree.from_dict({"/": Dataset(coords={"time": instants}), "/synchrony": group})
-    tree.attrs.update(result_attributes(record, {"analysis": "synchrony", "window_s": seen.window}, started))
+    tree.attrs.update(result_attributes(contents, {"analysis": "synchrony", "window_s": seen.window}, started))
     tree.attrs["title"] = f"synchrony of record {tree.attrs['record_id']}"
     tree.attrs["elapsed_s"] = stopwatch.perf_counter() - started
     return tree
@@ -118,10 +121,10 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
             }
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
-    values = {name: _texts(each) if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
+    values = {name: each if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
     if slips:
         values["slip_time"] = np.array([when for when, _ in slips])
-        values["slip_pair"] = _texts([name for _, name in slips])
+        values["slip_pair"] = [name for _, name in slips]
     return values
 
 
@@ -162,39 +165,105 @@ def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)
     elongation = np.asarray(traces["elongation"].values, dtype=np.float64)
-    inverse = np.linalg.pinv(combination)
-    apart = np.abs(inverse @ combination - np.eye(len(labels))).max(axis=1) < 1e-9
-    if apart.sum() < 2:
+    rows = dict[str, Floats]()
+    for label, wanted in zip(labels, np.eye(len(labels)), strict=True):
+        with contextlib.suppress(RecordError):
+            rows[label] = combine(weights_of(combination, wanted, label), elongation)
+    if len(rows) < 2:
         raise RecordError("synchrony: the record shows no two pendulums apart; give each clock a trace of its own")
-    rows = []
-    for weights in inverse[apart]:
-        used = np.flatnonzero(np.abs(weights) > 1e-12)
-        rows.append(np.tensordot(weights[used], elongation[used], axes=1))  # a trace that is not used may be missing
-    return [label for label, known in zip(labels, apart, strict=True) if known], np.stack(rows)
+    return list(rows), np.stack(list(rows.values()))
 
 
-def _texts(values: list[str]) -> Any:
-    return np.array(values, dtype=object)
+class Phases(NamedTuple):
+    """Of every pendulum; phi(t) = frequency t + what drifts, theta = amplitude cos phi."""
+
+    time: Floats  # (instants,) evenly spaced, s from the record's first reading
+    phase: Floats  # (pendulums, instants) rad, unwrapped; NaN where too little was read
+    amplitude: Floats  # (pendulums, instants) rad
+    sigma: Floats  # (pendulums, instants) rad: one sigma of the phase, from what the fit leaves
+    frequency: Floats  # (pendulums,) mean, rad s-1
+    window: float  # s
 
 
-def synchrony_summaries(result: DataTree) -> list[dict[str, Any]]:
-    """One dictionary a pair; keys of the contract, gravity null, and `synchrony` with what was found."""
-    table = result["synchrony"].dataset
-    clocks = [str(label) for label in table["clock"].values]
-    rows, of_film_too = [], [flag for flag in table.attrs.get("film_flags", "").split(", ") if flag]
-    for k, name in enumerate(str(pair) for pair in table["pair"].values):
-        one = table.isel(pair=k)
-        seen = {key: float(one[own]) for key, own in _SUMMED.items()}
-        found: dict[str, Any] = {"pair": name, "verdict": str(one["verdict"].values)}
-        found |= {key: None if math.isnan(value) else value for key, value in seen.items()}
-        found["slips"] = int(one["slips"])
-        found["beam_amplitude_m"] = float(table["beam_amplitude"]) if "beam_amplitude" in table else None
-        more = {
-            "frequency_rad_s": dict(zip(clocks, map(float, table["frequency"].values), strict=True)),
-            "synchrony": found,
-            "flags": ["unsure-verdict"] * (float(one["confidence"]) < UNSURE) + of_film_too,
-            "samples_used": int(np.isfinite(one["phase_difference"].values).sum()),
-            "elapsed_s": float(result.attrs["elapsed_s"]),
-        }
-        rows.append(without_gravity(result, "synchrony", "synchrony") | more)
-    return rows
+def phases(time: Floats, elongation: Floats) -> Phases:
+    """Follow the phases of pendulums by elongations (pendulums, n), rad, NaN = missing, at times (n,), s, from 0 on.
+
+    `RefusedError` if one does not swing, for too few swings or readings.
+
+    Examples
+    --------
+    >>> t = np.arange(2000) * 0.05
+    >>> found = phases(t, np.stack([0.1 * np.cos(6.0 * t), 0.2 * np.sin(6.1 * t)]))
+    >>> np.round(found.frequency, 6), np.round(found.amplitude[:, 0], 6)
+    (array([6. , 6.1]), array([0.1, 0.2]))
+    """
+    start = np.array([_frequency(time, row) for row in elongation])
+    period = 2.0 * np.pi / float(start.min())
+    duration, spacing = float(time[-1]), float(np.median(np.diff(time)))
+    if duration < _LEAST_SWINGS * period:
+        raise RefusedError(f"synchrony: {duration / period:.1f} swings are too few; record {_LEAST_SWINGS:g} or more")
+    window = max(SWINGS * period, _LEAST_READINGS * spacing)
+    if window > 0.5 * duration:
+        raise RefusedError(f"synchrony: readings {spacing:g} s apart are too few for {duration:g} s; record more often")
+    centres = np.arange(0.5 * window, duration - 0.5 * window + 0.25 * period, period)
+    rows = [_followed(time, row, centres, window, each) for row, each in zip(elongation, start, strict=True)]
+    turned = np.stack([row[0] for row in rows])
+    known = np.isfinite(turned)
+    if known.sum(axis=1).min() < 2:
+        raise RefusedError("synchrony: a pendulum was hardly read; leave its trace out")
+    mean = np.array([np.polyfit(centres[at], each[at], 1)[0] for at, each in zip(known, turned, strict=True)])
+    return Phases(centres, turned, np.stack([row[1] for row in rows]), np.stack([row[2] for row in rows]), mean, window)
+
+
+def _frequency(time: Floats, values: Floats) -> float:
+    """Largest peak of the spectrum, rad/s, to a tenth of a line."""
+    present = np.isfinite(values)
+    if present.sum() < _LEAST_READINGS or not np.ptp(values[present]) > 0.0:
+        raise RefusedError("synchrony: a pendulum does not swing, or was hardly read; leave its trace out")
+    step = float(np.median(np.diff(time)))
+    grid = np.arange(round(float(time[-1]) / step) + 1) * step
+    even = np.interp(grid, time[present], values[present])
+    size = np.abs(np.fft.rfft((even - even.mean()) * np.hanning(even.size), _PADDING * even.size))
+    top = int(np.clip(np.argmax(size), 1, size.size - 2))
+    before, here, after = np.log(np.maximum(size[top - 1 : top + 2], 1e-300))
+    bend = before - 2.0 * here + after
+    shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return float(2.0 * np.pi * (top + shift) / (_PADDING * even.size * step))
+
+
+def _followed(
+    time: Floats, values: Floats, centres: Floats, window: float, frequency: float
+) -> tuple[Floats, Floats, Floats]:
+    """Unwrapped phase, amplitude and sigma of the phase at the centres."""
+    harmonic = np.full(centres.size, np.nan + 0j, dtype=np.complex128)
+    sigma = np.full(centres.size, np.nan)
+    low, high = np.searchsorted(time, centres - 0.5 * window), np.searchsorted(time, centres + 0.5 * window, "right")
+    spacing = float(np.median(np.diff(time)))
+    for k, centre in enumerate(centres):
+        part = slice(low[k], high[k])
+        present = np.isfinite(values[part])
+        tau, seen = time[part][present] - centre, values[part][present]
+        weight = np.cos(np.pi * tau / window) ** 2
+        if tau.size <= 2 * _TERMS or weight.sum() < LEAST_COVERAGE * 0.5 * window / spacing:
+            continue
+        harmonic[k], sigma[k] = _fit(tau, seen, weight, frequency)
+    size = np.abs(harmonic)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sigma = sigma / size
+    carrier = frequency * centres
+    # across a gap the nearest turn is taken
+    return unwrapped((harmonic * np.exp(-1j * carrier))[None])[0] + carrier, size, sigma
+
+
+def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[complex, float]:
+    """The harmonic at the centre, and one sigma of one of its two parts."""
+    cosine, sine = np.cos(frequency * tau), np.sin(frequency * tau)
+    basis = np.stack([cosine, sine, tau * cosine, tau * sine, np.ones_like(tau)])
+    weighted = basis * weight
+    normal = weighted @ basis.T
+    inverse = np.linalg.inv(normal)
+    parts = inverse @ (weighted @ seen)
+    left = seen - parts @ basis
+    variance = float(weight @ (left * left)) / float(weight.sum()) * seen.size / (seen.size - _TERMS)
+    spread = inverse @ (weighted @ weighted.T) @ inverse
+    return complex(parts[0], -parts[1]), float(np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1])))

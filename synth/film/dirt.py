@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from data_schemas.errors import UsageError
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.layout import STRIP, Geometry, Pixels
 from synth.kernels.compiled import kernel
 from synth.phase import Floats

@@ -28,7 +28,7 @@ from data_schemas.film_description import (
 )
 from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
 from data_schemas.scene import Scene
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from data_schemas.shield import shielded
 from data_schemas.text_files import toml_text
 from data_schemas.variables import attributes

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.source import Source
 from synth.phase import Floats
 from synth.seeds import generator

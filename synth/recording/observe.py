@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from data_schemas.contents import Contents, Entry, Group
 from data_schemas.layouts import Kind, root_attributes
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import frequency
+from data_schemas.scene import Scene, frequency
 from data_schemas.scene_recording import Accelerometer
 from data_schemas.variables import attributes
 from synth.phase import Floats, Phasors

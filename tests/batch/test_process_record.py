@@ -13,10 +13,10 @@ import pytest
 from batch_parts import POISON, alike, config_of, numbers_of, write_record
 
 import data_schemas
+from data_schemas import shield as memory
 from data_schemas.errors import FileError
 from data_schemas.guard import Budget
 from data_schemas.text_files import file_sha256
-from pipeline import memory
 from pipeline.batch import job
 from pipeline.batch.executors import small_record
 from pipeline.batch.job import Kind, process_record

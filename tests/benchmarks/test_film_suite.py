@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from data_schemas.errors import IsochronyError, RefusedError
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from pipeline.benchmarks import film
 from pipeline.benchmarks.film import Case, cases, hard_films, scene, touching
 

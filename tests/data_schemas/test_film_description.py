@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from data_schemas import validate
 from data_schemas.errors import FileError, RecordError
 from data_schemas.film_description import FilmDescription, load_description
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from data_schemas.text_files import toml_text
 
 KNOWN = {

@@ -89,7 +89,7 @@ def fuzz(target: str, folder: Path, seconds: float) -> None:
     with atheris.instrument_imports(include=[*MODULES]):
         from fuzz_targets import BYTES, SECONDS, TARGETS
 
-        import pipeline.memory
+        import data_schemas.shield
 
         chosen = TARGETS[target]
         for seed in chosen.seeds(room):
@@ -128,7 +128,7 @@ def fuzz(target: str, folder: Path, seconds: float) -> None:
         "-max_len=16384",
     ]
     atheris.Setup(words, one, custom_mutator=changed)
-    with pipeline.memory.bounded(BYTES):
+    with data_schemas.shield.bounded(BYTES):
         atheris.Fuzz()
 
 

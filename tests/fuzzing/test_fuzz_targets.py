@@ -20,7 +20,7 @@ from sealing import sealed
 
 import data_schemas
 from data_schemas.errors import FileError, IsochronyError
-from pipeline.memory import bounded
+from data_schemas.shield import bounded
 
 CORPUS = Path(__file__).parent / "corpus"
 COUNTS = {"hdf5": 200, "film": 800, "csv": 800, "toml": 400}

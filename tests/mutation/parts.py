@@ -54,7 +54,7 @@ PARTS = {
             "pipeline/harmonics/*.py",
             "pipeline/quantities.py",
             "pipeline/correction.py",
-            "pipeline/anomaly.py",
+            "pipeline/ledger/earth.py",
             "pipeline/methods/*.py",
             "synth/systems/driven_pendulums.py",
             "synth/systems/resistance.py",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.anomaly import anomalies, normal_gravity, to_the_surface
+from pipeline.ledger.earth import anomalies, normal_gravity, to_the_surface
 
 LATITUDES = [-90.0, -35.2, 0.0, 45.0, 78.5]
 

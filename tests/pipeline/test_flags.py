@@ -11,7 +11,7 @@ import xarray as xr
 from made_records import RESONANT, SWELL, changed, row, simulate
 
 from pipeline.flag_words import OF_GRAVITY
-from pipeline.flags import SHORT_SECONDS
+from pipeline.reduction import SHORT_SECONDS
 
 LONG = SHORT_SECONDS + 20.0
 QUIET: dict[str, Any] = {"duration": LONG, "noise": 2e-5, "motion": [SWELL | {"amplitude": [0.02, 0.02, 0.02]}]}

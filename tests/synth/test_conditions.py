@@ -10,8 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import data_schemas
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import felt_gravity, frequency
+from data_schemas.scene import Scene, felt_gravity, frequency
 from synth import simulate
 from synth.disturbances import stiffening
 

@@ -23,6 +23,7 @@ from data_schemas.errors import IsochronyError, RecordError, RefusedError
 from data_schemas.film_description import FilmDescription
 from data_schemas.film_edits import FilmEdits, edits_path, load_edits
 from data_schemas.scene_fields import one_line
+from pipeline.conditions import MGAL
 from pipeline.film.digitise import make_record, open_film, summary
 from pipeline.film.edits import check_scan
 from pipeline.film.following import FilmTraces, Progress, find_time
@@ -30,7 +31,6 @@ from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import Reading, read_traces
 from pipeline.film.table.doubtful import doubtful
 from pipeline.film.table.refining import Gravity, Refining, going_on
-from pipeline.ledger.entry import MGAL
 
 if TYPE_CHECKING:
     from xarray import DataTree

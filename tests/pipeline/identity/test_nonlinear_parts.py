@@ -12,9 +12,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg.lapack import dtbtrs
 
 from pipeline.harmonics.envelope import sliding_envelope
-from pipeline.identity.fit import Fit
-from pipeline.identity.motion import SWELL, Motion, design, motion, third_harmonic
-from pipeline.methods.exact import invert, nonlinear_fit
+from pipeline.methods.exact import SWELL, Motion, design, invert, motion, nonlinear_fit, third_harmonic
+from pipeline.methods.identity import Fit
 from pipeline.prepared import Prepared, prepare
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from exact_pair import Pair
 
-from pipeline.identity.fit import NODES, Identity, basis, cardinal, linear, padded, taps
+from pipeline.methods.identity import NODES, Identity, basis, cardinal, linear, padded, taps
 
 N = 2.0 * np.pi / 1.01
 CENTRE = 0.5 * (NODES - 1)

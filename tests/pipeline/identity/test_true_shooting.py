@@ -9,8 +9,7 @@ from heavy_pair import DAMPING, HEAVE, PERIODS, REFERENCE, G, acceleration, angl
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from pipeline.identity.motion import design
-from pipeline.methods.exact import invert
+from pipeline.methods.exact import design, invert
 from pipeline.prepared import prepare
 
 LENGTH, STEP, NOISE = 80.0, 0.04, 2e-5

@@ -11,8 +11,7 @@ import xarray as xr
 import synth
 from data_schemas import check, read, write
 from data_schemas.errors import RefusedError
-from data_schemas.scene import Scene
-from data_schemas.scene_conditions import lightening
+from data_schemas.scene import Scene, lightening
 from pipeline import process, summaries
 from pipeline.benchmarks.kinds import Case
 from pipeline.benchmarks.records import of_case

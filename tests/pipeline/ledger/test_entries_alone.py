@@ -11,13 +11,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.conditions import Tie
+from pipeline.conditions import MGAL, Tie
 from pipeline.estimate import Estimate
-from pipeline.ledger import eotvos, own, tide
+from pipeline.ledger import earth, own
 from pipeline.ledger.book import OWN, own_entries
-from pipeline.ledger.entry import MGAL, Case, Correction, Shares
-from pipeline.ledger.instrument import air_density, base_tie, chronometer, temperature
-from pipeline.ledger.stand import planes, rocking, tilt, transverse_acceleration, yaw
+from pipeline.ledger.entry import Case, Correction, Shares
+from pipeline.ledger.instrument import (
+    air_density,
+    base_tie,
+    chronometer,
+    planes,
+    rocking,
+    temperature,
+    tilt,
+    transverse_acceleration,
+    yaw,
+)
 
 G, PERIOD = 9.81, 1.01
 STATED: dict[Correction, dict[str, Any]] = {
@@ -32,7 +41,7 @@ STATED: dict[Correction, dict[str, Any]] = {
     transverse_acceleration: {"transverse_acceleration_mean_square": 0.02},
     yaw: {"yaw_rate": -0.01},
     chronometer: {"chronometer_rate": 3.0},
-    eotvos.way: {"latitude": 40.0, "speed": 5.0, "course": 70.0},
+    earth.way: {"latitude": 40.0, "speed": 5.0, "course": 70.0},
 }
 TRUE: dict[Correction, Any] = {
     # what gravity was, from what was measured of it, by the physics of the disturbance
@@ -140,11 +149,11 @@ def test_courses_count_by_their_means() -> None:
     assert found.gravity == pytest.approx(temperature.change(case(STATED[temperature]), G).gravity, rel=1e-14)
     assert found.reason == "293.00 to 303.00 K, acting as 298.000 K, +10.00 K from the reference"
     assert temperature.change(case(STATED[temperature]), G).reason == "298.00 K, +10.00 K from the reference"
-    steady, turning = STATED[eotvos.way], STATED[eotvos.way] | {"course_course": 360.0 * at[:-1].repeat(2)[:11]}
-    assert eotvos.way.change(case(steady), G).reason == "5.000 m/s on 70.000 deg at 40.000 deg"
-    found = eotvos.way.change(case(turning, of_mean=True), G)
+    steady, turning = STATED[earth.way], STATED[earth.way] | {"course_course": 360.0 * at[:-1].repeat(2)[:11]}
+    assert earth.way.change(case(steady), G).reason == "5.000 m/s on 70.000 deg at 40.000 deg"
+    found = earth.way.change(case(turning, of_mean=True), G)
     assert found.reason == "5.000 m/s on 0.000 to 180.000 deg at 40.000 deg"
-    each = [eotvos.eotvos(40.0, 5.0, course) for course in turning["course_course"]]
+    each = [earth.eotvos(40.0, 5.0, course) for course in turning["course_course"]]
     assert found.gravity == pytest.approx(G + np.mean(each), rel=1e-14)
 
 
@@ -165,13 +174,13 @@ def test_planes_are_uncertain_in_proportion() -> None:
 
 def test_the_tide_is_its_mean_over_the_record() -> None:
     place = {"latitude": 45.0, "longitude": 10.0, "epoch": 1e9}
-    found = tide.moon_and_sun.change(case(place), G)
-    lost = tide.tidal_loss(place, 100.0 + np.arange(0.0, 10.1, 0.01)).mean()
+    found = earth.moon_and_sun.change(case(place), G)
+    lost = earth.tidal_loss(place, 100.0 + np.arange(0.0, 10.1, 0.01)).mean()
     assert found.gravity - G == pytest.approx(lost, rel=1e-4)
     assert found.sigma == pytest.approx(0.1 * abs(lost) / MGAL + 1e-3, rel=1e-4)
-    with_height = tide.tidal_loss(place | {"height": 6.4e4}, np.zeros(1))
-    assert with_height == pytest.approx(1.01 * tide.tidal_loss(place, np.zeros(1)), rel=2e-3)
-    dateless = tide.moon_and_sun.change(case({"latitude": 45.0, "longitude": 10.0}), G)
+    with_height = earth.tidal_loss(place | {"height": 6.4e4}, np.zeros(1))
+    assert with_height == pytest.approx(1.01 * earth.tidal_loss(place, np.zeros(1)), rel=2e-3)
+    dateless = earth.moon_and_sun.change(case({"latitude": 45.0, "longitude": 10.0}), G)
     assert (dateless.gravity, dateless.sigma, dateless.applied) == (G, 0.0, False)
 
 

@@ -8,8 +8,8 @@ import warnings
 import numpy as np
 import pytest
 
-from data_schemas.scene_conditions import lightening
-from pipeline.ledger.eotvos import eotvos
+from data_schemas.scene import lightening
+from pipeline.ledger.earth import eotvos
 
 KNOT = 1852.0 / 3600.0
 WAYS = [(0.0, 4.0, 90.0), (0.0, 12.0, 270.0), (43.7, 9.0, 63.0), (-61.0, 15.0, 190.0), (78.0, 6.0, 300.0)]

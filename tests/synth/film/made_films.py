@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from data_schemas.variables import attributes
 from synth.film.layout import FilmPlan, plan_film
 from synth.film.source import source_of

@@ -14,7 +14,7 @@ import synth
 from data_schemas.errors import FileError, SceneError, UsageError
 from data_schemas.film_description import description_path, load_description
 from data_schemas.scene import Scene
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.exposing import ImageFile
 
 tifffile = pytest.importorskip("tifffile")

@@ -7,7 +7,7 @@ import pytest
 from made_films import SMALL, planned, rest
 
 from data_schemas.errors import UsageError
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.dirt import Dirt, draw_strokes
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_films import SMALL, crossings, latent, planned, ramp, record_of, rest, swing
 
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.layout import plan_film
 from synth.film.source import source_of
 from synth.film.strips import Exposure, spot_table

@@ -7,7 +7,7 @@ import pytest
 from made_films import SMALL, planned, ramp, rest, swing
 
 from data_schemas.errors import UsageError
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.layout import geometry_of
 
 NONE = np.zeros(1)

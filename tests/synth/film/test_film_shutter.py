@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_films import SMALL, latent, planned, rest
 
-from data_schemas.scene_film import Film
+from data_schemas.scene_recording import Film
 from synth.film.layout import light_of, set_marks
 
 

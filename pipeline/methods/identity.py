@@ -1,8 +1,16 @@
-"""Least squares on an identity: Newton's method, one banded triangular system a round; sums where it is linear.
+"""The exact identities of clean uniform records: the difference pendulum driven by the recorded first pendulum.
 
-The right-hand side `N(d) = h^2 d - n2^2 F(d)` is expanded about an angle of the difference: at first the MEASURED one,
-later the model's. Expanded about the measured one the start is good to 1e-3 even in heavy motion, where iterating about
-a linear model diverges.
+    d'' + 2 gamma2 d' + n2^2 F(d) = (1-r) theta1'' + 2 (gamma2 - r gamma1) theta1',   r = (n2/n1)^2
+
+The unknown acceleration of the support is eliminated between the two equations of motion (formula sheet, section 1.1),
+nothing is neglected, and the slow motion need not be separated. Linear pendulums have F = d, real ones
+
+    F = (1 + zeta) sin d / cos theta1 + w ((cos d - 1) + tan theta1 sin d),   w = (theta1'' + 2 gamma1 theta1')/n1^2
+
+Least squares on it: Newton's method, one banded triangular system a round; sums where it is linear. The right-hand side
+`N(d) = h^2 d - n2^2 F(d)` is expanded about an angle of the difference: at first the MEASURED one, later the model's.
+Expanded about the measured one the start is good to 1e-3 even in heavy motion, where iterating about a linear model
+diverges.
 """
 
 from __future__ import annotations
@@ -148,10 +156,7 @@ class Identity:
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
         """Iterate until n2 and gamma2 stand still; `gamma` is gamma2, s-1, or its start where it is fitted.
 
-        Raises
-        ------
-        RefusedError
-            No swing at the nominal period, or an outlier.
+        `RefusedError`: no swing at the nominal period, or an outlier.
         """
         about = difference = self.observation.difference[self.inside]
         count, step = about.size, self.observation.step

@@ -24,7 +24,7 @@ CERTAIN = 5.0  # deviations
 HARMLESS = {kinds.ZERO: 1e-4, kinds.STEP: 1e-5, kinds.DRIFT: 1e-5}  # rad
 UNITS = {
     **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "rad"),
-    **dict.fromkeys((kinds.DELAY, kinds.CLOCK, kinds.HEAVE_DELAY), "s"),
+    **dict.fromkeys((kinds.DELAY, kinds.CLOCK, kinds.HEAVE_DELAY, kinds.READ_HEAVE_DELAY), "s"),
 }
 
 
@@ -47,11 +47,13 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     if np.any(problem.lattice.trace == problem.traces):
         words = "bias of the horizontal acceleration"
         found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))
-    if problem.recorded.size:
-        found.append(constant("scale of the heave", kinds.HEAVE_SCALE, f"{up}_scale", HEAVE_SCALE))
-        found.append(constant("delay of the heave", kinds.HEAVE_DELAY, f"{up}_delay", HEAVE_DELAY))
+    of_heave, heave = (kinds.HEAVE_SCALE, kinds.HEAVE_DELAY), -1
     if np.any(problem.lattice.trace == problem.traces + 1):
-        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, problem.traces + 1, gravity))
+        of_heave, heave = (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), problem.traces + 1
+        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, heave, gravity))
+    if problem.recorded.size or heave > 0:
+        found.append(constant("scale of the heave", of_heave[0], f"{up}_scale", HEAVE_SCALE, heave))
+        found.append(constant("delay of the heave", of_heave[1], f"{up}_delay", HEAVE_DELAY, heave))
     for name, kind, prior in (("scale", kinds.GAIN, GAIN), ("delay", kinds.DELAY, DELAY)):
         if name in stated or f"{name}_uncertainty" in stated:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
@@ -110,7 +112,7 @@ def step_of_zero(trace: int, at: float) -> Constant:
 
 def faults_found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
-    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CUBIC + 1))
+    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.READ_HEAVE_DELAY + 1))
     deviations = np.sqrt(np.diag(solution.covariance))
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()

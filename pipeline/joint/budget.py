@@ -38,6 +38,8 @@ SOURCES = {
     kinds.CLOCK: "clock",
     kinds.HEAVE_SCALE: "heave",
     kinds.HEAVE_DELAY: "heave",
+    kinds.READ_HEAVE_SCALE: "heave",
+    kinds.READ_HEAVE_DELAY: "heave",
     kinds.KNOCK: "kicks",
 }  # Of a constant's uncertainty
 ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}  # Of the ledger, and the constants that make them up

@@ -34,6 +34,7 @@ FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
+LEAN = (kinds.ZERO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
 REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
 
 
@@ -158,7 +159,7 @@ def simplified(fit: Fitted) -> Fitted:
     """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO) and not each.stated:
+        if each.kind in LEAN and not each.stated:
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]

@@ -123,8 +123,14 @@ class Problem:
         return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 
     def gain(self, constants: Constants) -> Floats:
-        """Error of the scale of each trace, and none of the accelerations."""
-        return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
+        """Error of the scale of each trace, and of the accelerations."""
+        return self._of_readings(constants, kinds.GAIN, kinds.READ_HEAVE_SCALE)
+
+    def _of_readings(self, constants: Constants, of_traces: int, of_heave: int) -> Floats:
+        """Values of constants of each trace, and of the accelerations, (t + 2,)."""
+        found: Floats = np.zeros(self.traces + 2)
+        found[: self.traces] = unknown.total(constants, of_traces, self.traces)
+        return found + unknown.total(constants, of_heave, self.traces + 2)
 
     def cubic(self, constants: Constants) -> float:
         """What the optics make of an angle x beside x, over its cube, rad-2."""
@@ -143,7 +149,7 @@ class Problem:
     def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
         """The readings less what the constants say of the traces."""
         own, gain = self.lattice, self.gain(constants)
-        delay = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))
+        delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
         late, value = delay[own.trace], own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:

@@ -13,7 +13,8 @@ from pipeline.joint.problem import Problem
 
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
 GAIN = 0.01  # of a trace's scale
-DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
+DELAY = 0.01  # s, of a step of the clock, and at least of one trace against the others
+IN_TURN, MOST_DELAY = 0.5, 0.05  # of the interval between readings, where traces are read one after the other; s
 KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
 CUBIC = 3.0  # rad-2, of the optics: a mirror on a flat film has 4/3
@@ -75,7 +76,8 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     half = 0.5 * problem.lattice.duration
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
-    found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
+    late = float(np.clip(IN_TURN * problem.lattice.interval, DELAY, MOST_DELAY))
+    found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
     if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))

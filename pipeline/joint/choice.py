@@ -35,7 +35,8 @@ MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 LEAN = (kinds.ZERO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
-REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
+REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kinds.DAMPING)
+"""Of constants: others may explain what they were taken for."""
 
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
@@ -54,16 +55,19 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
 def _possible(fit: Fitted) -> list[Constant]:
     """Friction that is not viscous, and faults of the apparatus, which a fit does not have."""
     speed, names = _speed(fit), {each.name for each in fit.model.constants}
-    frictions = (
-        Constant("quadratic friction", kinds.QUADRATIC, 1e-2),
-        *(Constant("knife-edge friction", kinds.DRY, 1e-4, centre=part * speed) for part in FADES),
-    )
-    found = [each for each in frictions if each.name not in names]
+    laws = (("quadratic friction", kinds.QUADRATIC, 1e-2, (0.0,)), ("knife-edge friction", kinds.DRY, 1e-4, FADES))
+    found = [
+        Constant(name, kind, prior, i, centre=part * speed)
+        for name, kind, prior, parts in laws
+        for part in parts
+        for i in range(fit.model.problem.pendulums)
+        if name not in names
+    ]
     return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
 
 
 def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:
-    """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
+    """Each of several constants added alone, those of one name and centre together, or a course: all by one pass.
 
     A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
     their mean.
@@ -75,7 +79,7 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
     root[: len(own), : len(own)] = prior_root(own, model.course)
     _, of = model.problem.run(model.assumed, whole, about=fit.path, root=root)
     first, found = list(range(len(own))), []
-    for name, some in groupby(enumerate(extra, len(own)), key=lambda each: each[1].name):
+    for (name, _), some in groupby(enumerate(extra, len(own)), key=lambda each: (each[1].name, each[1].centre)):
         places, added = zip(*some, strict=True)
         rows, of_one = [*first, *places], added[0].index >= 0
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
@@ -213,10 +217,13 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other constants, and kicks, that explain nearly as well what was taken explains."""
-    found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
-    replaced = [each for each in model.constants if each.kind in REPLACED and not each.stated]
-    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced]
+    """Other constants, and kicks, that explain nearly as well what was taken explains.
+
+    How likely faults are beforehand is a guess: they count as if they were half as far behind.
+    """
+    found, least, model = [], fit.solution.log_likelihood - 2.0 * PAYS, fit.model
+    replaced = {each.name: each for each in model.constants if each.kind in REPLACED and each.name in model.words}
+    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced.values()]
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
@@ -226,7 +233,7 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
             other = _fitted(lean, each) if each.value > least - MUCH else None
             if other is not None and other.solution.log_likelihood > least:
-                found.append(other.candidate())
+                found.append(other.candidate(0.5 * (other.solution.log_likelihood - fit.solution.log_likelihood)))
     return found
 
 
@@ -280,7 +287,7 @@ def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
             same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
         fits = [(one, found) for one in same if (found := _fitted(fit, one)) is not None]
         if far_off:
-            fits = [(one, motion.reshaped(found)) for one, found in fits]
+            fits = [(one, _with_fade(motion.reshaped(found))) for one, found in fits]
         best = max(fits, key=lambda pair: _priced_again(*pair).value, default=None)
         if best is not None and _priced_again(*best).value > base + PAYS:
             return best[1]

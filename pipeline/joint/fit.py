@@ -118,8 +118,8 @@ def reduce(gathered: Gathered) -> Outcome:
         heave = each.kind in (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
         if heave and abs(each.value - each.mean) > choice.FAR * each.prior:
             raise RefusedError(
-                f"record/vertical_acceleration: {each.name} would be {each.value:+.2g} for the elongations to follow it; "
-                "check its sign (upward positive), unit (m s-2) and times"
+                f"record/vertical_acceleration: {each.name} would be {each.value:+.2g} for the elongations to follow "
+                "it; check its sign (upward positive), unit (m s-2) and times"
             )
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
     kicks = float(fit.model.assumed.kick.max())
@@ -161,8 +161,8 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
         ahead = other.solution.log_likelihood - fit.solution.log_likelihood
         if ahead > DECISIVE and abs(own - reversed_) * reference > MOST_APART * MGAL:
             raise RefusedError(
-                f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of trace "
-                f"{j + 1}, a difference, reversed; say which pendulum it takes off from which"
+                f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
+                f"trace {j + 1}, a difference, reversed; say which pendulum it takes off from which"
             )
 
 

@@ -19,7 +19,6 @@ from pipeline.joint.ship import Component, Ship
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NO_PATH = NONE2.astype(np.float32)
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
-FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SPARSE = 2.0  # of the swing between readings, rad
 LEVEL = 0.5  # of one pendulum's answer to the ship
@@ -118,7 +117,8 @@ class Problem:
         if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
             raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
         arrays = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
-        fade = sum((c.centre + c.value * (c.kind == kinds.FADE) for c in constants if c.kind in FADING), 0.0)
+        fade = sum(c.value for c in constants if c.kind == kinds.FADE)
+        fade += max((c.centre for c in constants if c.kind == kinds.DRY), default=0.0)
         numbers = self.lattice.step, gravity, assumed.sine, fade, assumed.heave_noise
         return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 

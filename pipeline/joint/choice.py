@@ -20,6 +20,7 @@ from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
 from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, likelier, priced, shifted
 from pipeline.joint.outliers import stretch
+from pipeline.joint.problem import Problem
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
@@ -121,6 +122,13 @@ def _steps(fit: Fitted) -> list[Candidate]:
     return best
 
 
+def _of_a_time(constant: Constant, problem: Problem) -> bool:
+    """Whether a constant is a step whose time was sought."""
+    if constant.kind not in (kinds.STEP, kinds.CLOCK) or constant.width > 0.0:
+        return False
+    return constant.centre not in problem.paper_steps
+
+
 def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
     """The likeliest knock of one pendulum while nothing is read, after which it swings as it will."""
     model, lattice = fit.model, fit.model.problem.lattice
@@ -160,10 +168,10 @@ def _speed(fit: Fitted) -> float:
 
 
 def simplified(fit: Fitted) -> Fitted:
-    """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
+    """Without zeros, steps, and scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if each.kind in LEAN and not each.stated:
+        if (each.kind in LEAN and not each.stated) or _of_a_time(each, fit.model.problem):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]

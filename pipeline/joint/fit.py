@@ -220,7 +220,8 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     # kicks follow the differences wherever they go: what they make of all traces is compared
     against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
-    if much and against and told > of_the_law(plain) + least and better > 0.0:  # what helps these alone is no tilt
+    against &= told > of_the_law(plain) + least and better > 0.0  # what helps these alone is no tilt
+    if much and against and motion.is_white(tilted, model.problem.differences):
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "

@@ -181,6 +181,16 @@ def simplified(fit: Fitted) -> Fitted:
     return fitted(lean.model, lean.path) if moved else lean
 
 
+def without_far_heave(fit: Fitted) -> Fitted | None:
+    """Without scale and delay of a recorded heave that lie far from what they may be, where friction or a fault may
+    have brought them there; None where they do not."""
+    heave = [each for each in fit.model.constants if each.kind in LEAN[1:]]
+    if not any(abs(each.value - each.mean) > FAR * each.prior for each in heave):
+        return None
+    constants = tuple(each for each in fit.model.constants if each not in heave)
+    return attempted(replace(fit.model, constants=constants), fit.path, smooth=True)
+
+
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     """Add what pays, the best first; the last fit, and the explanations that stay close to it.
 

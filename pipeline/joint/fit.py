@@ -82,6 +82,9 @@ def reduce(gathered: Gathered) -> Outcome:
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
+        lean = choice.without_far_heave(found[0])
+        if lean is not None:
+            fit, close = max((fit, close), choice.settle(lean), key=lambda each: each[0].solution.log_likelihood)
         mean, sigma = choice.averaged(fit, close)
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             fit, close, mean, sigma = weighed([(fit, close), choice.settle(found[1])], reference)
@@ -159,7 +162,8 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
             continue
         own, reversed_ = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, other))
         ahead = other.solution.log_likelihood - fit.solution.log_likelihood
-        if ahead > DECISIVE and abs(own - reversed_) * reference > MOST_APART * MGAL:
+        much = abs(own - reversed_) * reference > MOST_APART * MGAL
+        if ahead > DECISIVE and much and motion.is_white(other, other.model.problem.differences):
             raise RefusedError(
                 f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
                 f"trace {j + 1}, a difference, reversed; say which pendulum it takes off from which"

@@ -13,18 +13,20 @@ from pipeline.joint.problem import Problem
 
 ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and of a step of it
 GAIN = 0.01  # of a trace's scale
-DELAY = 0.01  # s, of one trace against the others, and of a step of the clock
+DELAY = 0.01  # s, of a step of the clock, and at least of one trace against the others
+IN_TURN, MOST_DELAY = 0.5, 0.05  # of the interval between readings, where traces are read one after the other; s
 KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
 CUBIC = 3.0  # rad-2, of the optics: a mirror on a flat film has 4/3
 RATIO = 1e-5  # of the square of a frequency against the others
+SWAY = 3e-5  # of a support that yields to the pendulums
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 EXACT = 1e-12  # an uncertainty of zero, in any unit
 CERTAIN = 5.0  # deviations
 HARMLESS = {kinds.ZERO: 1e-4, kinds.STEP: 1e-5, kinds.DRIFT: 1e-5}  # rad
 UNITS = {
     **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "rad"),
-    **dict.fromkeys((kinds.DELAY, kinds.CLOCK, kinds.HEAVE_DELAY), "s"),
+    **dict.fromkeys((kinds.DELAY, kinds.CLOCK, kinds.HEAVE_DELAY, kinds.READ_HEAVE_DELAY), "s"),
 }
 
 
@@ -47,11 +49,13 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     if np.any(problem.lattice.trace == problem.traces):
         words = "bias of the horizontal acceleration"
         found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))
-    if problem.recorded.size:
-        found.append(constant("scale of the heave", kinds.HEAVE_SCALE, f"{up}_scale", HEAVE_SCALE))
-        found.append(constant("delay of the heave", kinds.HEAVE_DELAY, f"{up}_delay", HEAVE_DELAY))
+    of_heave, heave = (kinds.HEAVE_SCALE, kinds.HEAVE_DELAY), -1
     if np.any(problem.lattice.trace == problem.traces + 1):
-        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, problem.traces + 1, gravity))
+        of_heave, heave = (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), problem.traces + 1
+        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, heave, gravity))
+    if problem.recorded.size or heave > 0:
+        found.append(constant("scale of the heave", of_heave[0], f"{up}_scale", HEAVE_SCALE, heave))
+        found.append(constant("delay of the heave", of_heave[1], f"{up}_delay", HEAVE_DELAY, heave))
     for name, kind, prior in (("scale", kinds.GAIN, GAIN), ("delay", kinds.DELAY, DELAY)):
         if name in stated or f"{name}_uncertainty" in stated:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
@@ -73,8 +77,10 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     half = 0.5 * problem.lattice.duration
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]
-    found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, DELAY, j) for j in traces[1:]]
+    late = float(np.clip(IN_TURN * problem.lattice.interval, DELAY, MOST_DELAY))
+    found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
+    found.append(Constant("sway of the support", kinds.SWAY, SWAY))
     if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):
@@ -110,7 +116,8 @@ def step_of_zero(trace: int, at: float) -> Constant:
 
 def faults_found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
-    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.CUBIC + 1))
+    of_readings = range(kinds.ZERO, kinds.READ_HEAVE_DELAY + 1)
+    shown = (kinds.RATIO, kinds.SWAY, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *of_readings)
     deviations = np.sqrt(np.diag(solution.covariance))
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()

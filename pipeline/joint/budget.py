@@ -25,6 +25,7 @@ from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 LARGER = 1.1  # a noise, for its share
 SOURCES = {
     kinds.RATIO: "ratio",
+    kinds.SWAY: "ratio",
     kinds.DAMPING: "damping",
     kinds.QUADRATIC: "damping",
     kinds.DRY: "damping",
@@ -38,6 +39,8 @@ SOURCES = {
     kinds.CLOCK: "clock",
     kinds.HEAVE_SCALE: "heave",
     kinds.HEAVE_DELAY: "heave",
+    kinds.READ_HEAVE_SCALE: "heave",
+    kinds.READ_HEAVE_DELAY: "heave",
     kinds.KNOCK: "kicks",
 }  # Of a constant's uncertainty
 ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}  # Of the ledger, and the constants that make them up

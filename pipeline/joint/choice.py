@@ -20,6 +20,7 @@ from pipeline.joint.constants import Constant, Constants, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
 from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, likelier, priced, shifted
 from pipeline.joint.outliers import stretch
+from pipeline.joint.problem import Problem
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
@@ -34,7 +35,9 @@ FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
-REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC)  # others may explain what they were taken for
+LEAN = (kinds.ZERO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
+REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kinds.DAMPING)
+"""Of constants: others may explain what they were taken for."""
 
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
@@ -53,16 +56,19 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
 def _possible(fit: Fitted) -> list[Constant]:
     """Friction that is not viscous, and faults of the apparatus, which a fit does not have."""
     speed, names = _speed(fit), {each.name for each in fit.model.constants}
-    frictions = (
-        Constant("quadratic friction", kinds.QUADRATIC, 1e-2),
-        *(Constant("knife-edge friction", kinds.DRY, 1e-4, centre=part * speed) for part in FADES),
-    )
-    found = [each for each in frictions if each.name not in names]
+    laws = (("quadratic friction", kinds.QUADRATIC, 1e-2, (0.0,)), ("knife-edge friction", kinds.DRY, 1e-4, FADES))
+    found = [
+        Constant(name, kind, prior, i, centre=part * speed)
+        for name, kind, prior, parts in laws
+        for part in parts
+        for i in range(fit.model.problem.pendulums)
+        if name not in names
+    ]
     return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
 
 
 def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:
-    """Each of several constants added alone, those of one name together, or a course: all priced by one pass.
+    """Each of several constants added alone, those of one name and centre together, or a course: all by one pass.
 
     A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
     their mean.
@@ -74,7 +80,7 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
     root[: len(own), : len(own)] = prior_root(own, model.course)
     _, of = model.problem.run(model.assumed, whole, about=fit.path, root=root)
     first, found = list(range(len(own))), []
-    for name, some in groupby(enumerate(extra, len(own)), key=lambda each: each[1].name):
+    for (name, _), some in groupby(enumerate(extra, len(own)), key=lambda each: (each[1].name, each[1].centre)):
         places, added = zip(*some, strict=True)
         rows, of_one = [*first, *places], added[0].index >= 0
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
@@ -116,6 +122,13 @@ def _steps(fit: Fitted) -> list[Candidate]:
     return best
 
 
+def _of_a_time(constant: Constant, problem: Problem) -> bool:
+    """Whether a constant is a step whose time was sought."""
+    if constant.kind not in (kinds.STEP, kinds.CLOCK) or constant.width > 0.0:
+        return False
+    return constant.centre not in problem.paper_steps
+
+
 def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
     """The likeliest knock of one pendulum while nothing is read, after which it swings as it will."""
     model, lattice = fit.model, fit.model.problem.lattice
@@ -155,10 +168,10 @@ def _speed(fit: Fitted) -> float:
 
 
 def simplified(fit: Fitted) -> Fitted:
-    """Without zeros, and without scale and delay of a recorded heave, where these do not pay."""
+    """Without zeros, steps, and scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if each.kind in (kinds.HEAVE_DELAY, kinds.HEAVE_SCALE, kinds.ZERO) and not each.stated:
+        if (each.kind in LEAN and not each.stated) or _of_a_time(each, fit.model.problem):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]
@@ -166,6 +179,16 @@ def simplified(fit: Fitted) -> Fitted:
     sigma = mean_gravity(lean.solution, lean.model.problem.lattice.duration)[1]
     moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * sigma
     return fitted(lean.model, lean.path) if moved else lean
+
+
+def without_far_heave(fit: Fitted) -> Fitted | None:
+    """Without scale and delay of a recorded heave that lie far from what they may be, where friction or a fault may
+    have brought them there; None where they do not."""
+    heave = [each for each in fit.model.constants if each.kind in LEAN[1:]]
+    if not any(abs(each.value - each.mean) > FAR * each.prior for each in heave):
+        return None
+    constants = tuple(each for each in fit.model.constants if each not in heave)
+    return attempted(replace(fit.model, constants=constants), fit.path, smooth=True)
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
@@ -212,10 +235,13 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other constants, and kicks, that explain nearly as well what was taken explains."""
-    found, least, model = [], fit.solution.log_likelihood - PAYS, fit.model
-    replaced = [each for each in model.constants if each.kind in REPLACED and not each.stated]
-    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced]
+    """Other constants, and kicks, that explain nearly as well what was taken explains.
+
+    How likely faults are beforehand is a guess: they count as if they were half as far behind.
+    """
+    found, least, model = [], fit.solution.log_likelihood - 2.0 * PAYS, fit.model
+    replaced = {each.name: each for each in model.constants if each.kind in REPLACED and each.name in model.words}
+    leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced.values()]
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
@@ -225,7 +251,7 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
             other = _fitted(lean, each) if each.value > least - MUCH else None
             if other is not None and other.solution.log_likelihood > least:
-                found.append(other.candidate())
+                found.append(other.candidate(0.5 * (other.solution.log_likelihood - fit.solution.log_likelihood)))
     return found
 
 
@@ -279,7 +305,7 @@ def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
             same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
         fits = [(one, found) for one in same if (found := _fitted(fit, one)) is not None]
         if far_off:
-            fits = [(one, motion.reshaped(found)) for one, found in fits]
+            fits = [(one, _with_fade(motion.reshaped(found))) for one, found in fits]
         best = max(fits, key=lambda pair: _priced_again(*pair).value, default=None)
         if best is not None and _priced_again(*best).value > base + PAYS:
             return best[1]

@@ -60,11 +60,11 @@ class Fitted:
         return Candidate(self.solution.log_likelihood - cost, self.model, self.solution)
 
     def without(self, constant: Constant) -> Fitted:
-        """The same without a constant that hardly differs from zero: by the last pass, linearised."""
-        at = [each.name for each in self.about].index(constant.name)
-        rest = (*self.about[:at], *self.about[at + 1 :])
+        """The same without a constant that hardly differs from zero, or all of its name: by the last pass."""
+        at = [k for k, each in enumerate(self.about) if each.name == constant.name]
+        rest = tuple(each for each in self.about if each.name != constant.name)
         turned = np.delete(np.eye(len(self.about) + 1), at, axis=1)
-        turned[at, -1] = -self.about[at].value
+        turned[at, -1] = [-self.about[k].value for k in at]
         normal, totals = turned.T @ self.of.normal @ turned, self.of.totals
         solution = solve(rest, normal, totals[0], totals[1], prior_root(rest, self.model.course))
         model = replace(self.model, constants=solution.constants)

@@ -17,7 +17,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import updating
 from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.forcing import derive_errors, remain
-from pipeline.joint.kinds import GAIN
+from pipeline.joint.kinds import GAIN, READ_HEAVE_SCALE
 from pipeline.joint.passes import Columns, Kept, Pass, Slots, Task
 from pipeline.joint.remainder import Steps, collocate, lay_known, reach, room_for
 from synth.kernels.compiled import kernel
@@ -71,7 +71,8 @@ def lay_by(columns: Columns, trace: int, seen: Floats, j: int, buffer: Floats, r
         buffer[row, c] = seen[j, c]
     for n in range(columns.of_traces.size):
         c = columns.of_traces[n]
-        if columns.kind[c] == GAIN and (columns.member[c] == trace or columns.member[c] < 0):
+        scales = columns.kind[c] == GAIN or columns.kind[c] == READ_HEAVE_SCALE
+        if scales and (columns.member[c] == trace or columns.member[c] < 0):
             buffer[row, c] += seen[j, last]
 
 

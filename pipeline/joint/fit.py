@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, motion
+from pipeline.joint import apparatus, choice, explanation, kinds, motion
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
@@ -82,6 +82,9 @@ def reduce(gathered: Gathered) -> Outcome:
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
         fit, close = choice.settle(found[0])
+        lean = choice.without_far_heave(found[0])
+        if lean is not None:
+            fit, close = max((fit, close), choice.settle(lean), key=lambda each: each[0].solution.log_likelihood)
         mean, sigma = choice.averaged(fit, close)
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
             fit, close, mean, sigma = weighed([(fit, close), choice.settle(found[1])], reference)
@@ -92,6 +95,8 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: no swing at the stated period can be followed ({error}); check instrument/period, "
             "record/combination and the units (rad, s)"
         ) from None
+    if strained(fit):
+        refuse_reversed_traces(gathered, fit, reference)
     tilt, tilt_doubt = (0.0, 0.0) if gathered.tilts else of_a_tilting_case(found[0], fit, reference)
     mean += tilt
     if not fit.model.assumed.sine:
@@ -112,6 +117,13 @@ def reduce(gathered: Gathered) -> Outcome:
             f"{sigma * spread:.1g} of it); "
             "check instrument/period, record/combination and the unit of the elongations (rad)"
         )
+    for each in fit.solution.constants:
+        heave = each.kind in (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
+        if heave and abs(each.value - each.mean) > choice.FAR * each.prior:
+            raise RefusedError(
+                f"record/vertical_acceleration: {each.name} would be {each.value:+.2g} for the elongations to follow "
+                "it; check its sign (upward positive), unit (m s-2) and times"
+            )
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
     kicks = float(fit.model.assumed.kick.max())
     if kicks * np.sqrt(fit.model.problem.lattice.duration) > REPLACED * arc:
@@ -131,6 +143,31 @@ def strained(fit: explanation.Fitted) -> bool:
     """Whether a fit needs more than motion that all pendulums feel, and may do so to make up for a wrong law."""
     level = all(MOTION in words and not words.startswith("transverse") for words in fit.model.words)
     return not level or choice.unexplained(fit) > 1.0
+
+
+def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, reference: float) -> None:
+    """Refuse where another sign of a difference explains beyond doubt what a fit takes for faults and kicks.
+
+    Such a trace and a pendulum make up a second one that sways with the ship as it should, and swings at two periods.
+    `reference`: the gravity of the periods, m s-2.
+    """
+    lattice = gathered.problem.lattice
+    level = np.abs(lattice.combination.sum(axis=1)) > LEVEL
+    for j in np.flatnonzero(~level) if level.any() else ():
+        signs = np.where(np.arange(level.size) == j, -1.0, 1.0)[:, None]
+        turned = replace(lattice, combination=signs * lattice.combination)
+        try:
+            other = first_fits(replace(gathered, problem=replace(gathered.problem, lattice=turned)))[0]
+        except np.linalg.LinAlgError:
+            continue
+        own, reversed_ = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, other))
+        ahead = other.solution.log_likelihood - fit.solution.log_likelihood
+        much = abs(own - reversed_) * reference > MOST_APART * MGAL
+        if ahead > DECISIVE and much and motion.is_white(other, other.model.problem.differences):
+            raise RefusedError(
+                f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
+                f"trace {j + 1}, a difference, reversed; say which pendulum it takes off from which"
+            )
 
 
 def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
@@ -187,7 +224,8 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     # kicks follow the differences wherever they go: what they make of all traces is compared
     against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
-    if much and against and told > of_the_law(plain) + least and better > 0.0:  # what helps these alone is no tilt
+    against &= told > of_the_law(plain) + least and better > 0.0  # what helps these alone is no tilt
+    if much and against and motion.is_white(tilted, model.problem.differences):
         raise RefusedError(
             "record/elongation: the slow motion acts on the differences as the tilt of a case does from which all is "
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "

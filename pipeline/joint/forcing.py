@@ -96,6 +96,11 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
                 elif kind == kinds.RATIO:
                     for s in range(n):
                         force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
+                elif kind == kinds.SWAY:
+                    for s in range(n):
+                        force[s] = 0.0
+                        for j in range(count):
+                            force[s] -= kappa * nodes[POINTS * j + m, s]
                 elif kind == kinds.HEAVE_SCALE:
                     for s in range(n):
                         force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0
@@ -178,13 +183,13 @@ def derive_errors(
             seen[j, c] += 1.0
         elif kind == kinds.DRIFT:
             seen[j, c] += (time - columns.centre[c]) / columns.width[c]
-        elif kind == kinds.GAIN:
+        elif kind == kinds.GAIN or kind == kinds.READ_HEAVE_SCALE:
             seen[j, c] += readings.value[which]
         elif kind == kinds.CUBIC:
             seen[j, c] += readings.value[which] ** 3
         elif kind == kinds.STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
-        elif kind == kinds.DELAY or (kind == kinds.CLOCK and time >= columns.centre[c]):
+        elif kind in (kinds.DELAY, kinds.READ_HEAVE_DELAY) or (kind == kinds.CLOCK and time >= columns.centre[c]):
             if speed == 0.0:
                 for q in range(state.shape[0]):
                     speed += slots.rate[j, q] * state[q, last]

@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
+NOISY = (
+    1e-7  # of gravity, 1 sigma by the noise of an interpolated heave: a noisier one is a reading of the ship's motion
+)
+ACCELEROMETER = 3e-5  # over reference gravity: noise of an acceleration that is a reading, where it does not show
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
@@ -45,6 +49,7 @@ class Gathered:
     noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
     heave_noise: float
     """White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2."""
+    accelerations: Floats  # (2,) noise of recorded accelerations that are readings, over reference gravity
     heave_doubt: float  # 1 sigma of its mean over reference gravity, which gravity shares
     still: tuple[str, ...]  # Traces that stand still for a while, and when, in words
     tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
@@ -96,7 +101,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             f"time: {swings:.1f} swings are too few to tell gravity from the ship's motion; give at least "
             f"{LEAST_SWINGS:.0f} swings ({LEAST_SWINGS * 2.0 * np.pi / swing:.0f} s)"
         )
-    rows, dense, white = [series], False, 0.0
+    rows, dense, white, accelerations = [series], False, 0.0, np.full(2, ACCELEROMETER)
     if tilts:
         rows.append(np.asarray(stored["horizontal_acceleration"].values, dtype=np.float64)[None, used] / gravity)
     if heave is not None:
@@ -104,6 +109,10 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         there = np.flatnonzero(np.isfinite(heave))
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
+        if dense:
+            white = _white(time[there], heave[there])
+        if white > NOISY * np.sqrt(time[-1] - time[0]):
+            dense, accelerations[1], white = False, white / np.sqrt(np.median(np.diff(time[there]))), 0.0
         if not dense:
             rows += [*([] if tilts else [np.full((1, time.size), np.nan)]), heave[None]]
     arc = 1.5 * float(np.nanmax(np.nanstd(series[np.isfinite(series).any(axis=1)], axis=1)))
@@ -117,7 +126,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
 
         since, value = time[there] - lattice.start, heave[there]
         even = np.arange(since[0], since[-1], np.diff(since).min())
-        white = _white(since, value)
         bias, doubt = _bias(CubicSpline(since, value)(even), white / np.sqrt(even[1] - even[0]))
         spline = CubicSpline(since, value - bias)
         at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
@@ -152,6 +160,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         known,
         stated,
         white,
+        accelerations,
         doubt,
         still,
         tilts,

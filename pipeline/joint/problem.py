@@ -19,7 +19,6 @@ from pipeline.joint.ship import Component, Ship
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NO_PATH = NONE2.astype(np.float32)
 NOTHING_KEPT = passes.Kept(NONE3, NONE3, np.zeros(0, dtype=np.int64), NONE2, NONE2, NONE2)
-FADING = (kinds.DRY, kinds.FADE)  # the first's centre, and a change of it
 LEAST_NOISE = 1e-6  # rad: readings are taken for no better
 SPARSE = 2.0  # of the swing between readings, rad
 LEVEL = 0.5  # of one pendulum's answer to the ship
@@ -118,13 +117,21 @@ class Problem:
         if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
             raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
         arrays = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
-        fade = sum((c.centre + c.value * (c.kind == kinds.FADE) for c in constants if c.kind in FADING), 0.0)
-        numbers = self.lattice.step, gravity, assumed.sine, fade, assumed.heave_noise
+        fade = sum(c.value for c in constants if c.kind == kinds.FADE)
+        fade += max((c.centre for c in constants if c.kind == kinds.DRY), default=0.0)
+        sway = float(unknown.total(constants, kinds.SWAY, 1)[0])
+        numbers = self.lattice.step, gravity, assumed.sine, fade, sway, assumed.heave_noise
         return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 
     def gain(self, constants: Constants) -> Floats:
-        """Error of the scale of each trace, and none of the accelerations."""
-        return np.append(unknown.total(constants, kinds.GAIN, self.traces), np.zeros(2))
+        """Error of the scale of each trace, and of the accelerations."""
+        return self._of_readings(constants, kinds.GAIN, kinds.READ_HEAVE_SCALE)
+
+    def _of_readings(self, constants: Constants, of_traces: int, of_heave: int) -> Floats:
+        """Values of constants of each trace, and of the accelerations, (t + 2,)."""
+        found: Floats = np.zeros(self.traces + 2)
+        found[: self.traces] = unknown.total(constants, of_traces, self.traces)
+        return found + unknown.total(constants, of_heave, self.traces + 2)
 
     def cubic(self, constants: Constants) -> float:
         """What the optics make of an angle x beside x, over its cube, rad-2."""
@@ -143,7 +150,7 @@ class Problem:
     def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
         """The readings less what the constants say of the traces."""
         own, gain = self.lattice, self.gain(constants)
-        delay = np.append(unknown.total(constants, kinds.DELAY, self.traces), np.zeros(2))
+        delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
         late, value = delay[own.trace], own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
@@ -310,12 +317,13 @@ def _flow(
     gravity: float,
     sine: bool,
     fade: float,
+    sway: float,
     heave_noise: float,
 ) -> Flow:
     kappa, damping, kick, quadratic, dry = map(np.array, arrays)
     return flow(
         step, kappa, damping, kick, Ship.of(ship), gravity=gravity, sine=sine, quadratic=quadratic, dry=dry, fade=fade,
-        heave_noise=heave_noise,
+        sway=sway, heave_noise=heave_noise,
     )  # fmt: skip
 
 

@@ -24,7 +24,6 @@ WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
 COARSE = 0.1  # reading noise of a cold start's first stretch, of the swing
 MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
-ACCELEROMETER = 3e-5  # over reference gravity: noise of a recorded acceleration that is too sparse to be interpolated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
 HOPELESS = 1000.0  # in log-likelihood, of a law in a cold start
@@ -36,7 +35,7 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
     """Follow the swing under a law from a cold start; and the one that even, sparse times show as well."""
     problem = gathered.problem
     stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.concatenate([np.maximum(stated, LEAST_NOISE), [ACCELEROMETER, ACCELEROMETER]])
+    noise = np.append(np.maximum(stated, LEAST_NOISE), gathered.accelerations)
     ship: tuple[Component, ...] = GENEROUS
     if problem.leaves_heave_open(sine):
         ship = (*ship, replace(GENEROUS[0], axis="vertical"))
@@ -258,6 +257,6 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
 
 def _spectral(model: Model, rough: Fitted, gathered: Gathered) -> Model:
     """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
-    stated = np.maximum(np.append(gathered.noise, [ACCELEROMETER, ACCELEROMETER]), LEAST_NOISE)
+    stated = np.maximum(np.append(gathered.noise, gathered.accelerations), LEAST_NOISE)
     begun = motion.first(rough, stated)
     return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)

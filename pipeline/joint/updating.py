@@ -51,6 +51,7 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
         else:
             for q in range(size):
                 slots.row[j, q] += power * flow.vertical[e, q]
+                slots.rate[j, q] += e * before * flow.vertical[e, q]
         power, before = power * tau, power
         if before == 0.0:
             break

@@ -9,8 +9,9 @@ import numpy as np
 
 from .contents import from_tree, identifier, shown, to_tree
 from .errors import RecordError
-from .layouts import current, root_attributes
+from .layouts import root_attributes
 from .reading import read
+from .unpacking import current
 from .variables import attributes, rows_of
 
 if TYPE_CHECKING:

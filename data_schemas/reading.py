@@ -23,7 +23,8 @@ from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
 from .errors import FileError
 from .guard import Budget, Found, Heaps, Survey, full_chunks, is_text, ordinary, sound_heaps, survey, text_bytes
-from .layouts import REWRITTEN, current, unpacked
+from .layouts import REWRITTEN
+from .unpacking import current, unpacked
 from .variables import VARIABLES
 from .writing import NOT_COORDINATE, PLACEHOLDER
 

@@ -23,7 +23,7 @@ from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, from_tree, key, shown, type_name
 from .errors import FileError
 from .guard import BOOKKEEPING, Budget, survey
-from .layouts import PACKING
+from .unpacking import PACKING
 
 if TYPE_CHECKING:
     import xarray as xr

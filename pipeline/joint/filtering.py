@@ -60,7 +60,7 @@ def turn(flow: Flow, swing: Floats, s: int, ahead: Floats, ahead_columns: Floats
 
 
 @kernel
-def lay_by(columns: Columns, trace: int, seen: Floats, j: int, buffer: Floats, row: int) -> None:
+def lay_by(columns: Columns, trace: int, traces: int, seen: Floats, j: int, buffer: Floats, row: int) -> None:
     """Lay a whitened error and its derivatives into the buffer.
 
     The scale of a trace moves a reading by itself, which tells nothing beside an unknown motion of the ship: that is
@@ -72,7 +72,7 @@ def lay_by(columns: Columns, trace: int, seen: Floats, j: int, buffer: Floats, r
     for n in range(columns.of_traces.size):
         c = columns.of_traces[n]
         scales = columns.kind[c] == GAIN or columns.kind[c] == READ_HEAVE_SCALE
-        if scales and (columns.member[c] == trace or columns.member[c] < 0):
+        if scales and (columns.member[c] == trace or (columns.member[c] < 0 and trace < traces)):
             buffer[row, c] += seen[j, last]
 
 
@@ -201,7 +201,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
         for j in range(used):
             product *= root[j, j]
             of.whitened[slots.reading[j]], of.scale[slots.reading[j]] = -seen[j, constants], root[j, j]
-            lay_by(columns, slots.trace[j], seen, j, buffer, rows)
+            lay_by(columns, slots.trace[j], readings.combination.shape[0], seen, j, buffer, rows)
             rows += 1
             if rows == ROWS:
                 add(1.0, np.dot(buffer.T, buffer), of.normal)

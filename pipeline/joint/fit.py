@@ -110,13 +110,6 @@ def reduce(gathered: Gathered) -> Outcome:
     others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
-    spread = choice.unexplained(fit)
-    if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
-        raise RefusedError(
-            f"elongation: no explanation follows the readings (errors {spread:.1f} times their noise, sigma of gravity "
-            f"{sigma * spread:.1g} of it); "
-            "check instrument/period, record/combination and the unit of the elongations (rad)"
-        )
     for each in fit.solution.constants:
         heave = each.kind in (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
         if heave and abs(each.value - each.mean) > choice.FAR * each.prior:
@@ -124,6 +117,13 @@ def reduce(gathered: Gathered) -> Outcome:
                 f"record/vertical_acceleration: {each.name} would be {each.value:+.2g} for the elongations to follow "
                 "it; check its sign (upward positive), unit (m s-2) and times"
             )
+    spread = choice.unexplained(fit)
+    if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
+        raise RefusedError(
+            f"elongation: no explanation follows the readings (errors {spread:.1f} times their noise, sigma of gravity "
+            f"{sigma * spread:.1g} of it); "
+            "check instrument/period, record/combination and the unit of the elongations (rad)"
+        )
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
     kicks = float(fit.model.assumed.kick.max())
     if kicks * np.sqrt(fit.model.problem.lattice.duration) > REPLACED * arc:

@@ -23,9 +23,9 @@ class SineFromTop(NamedTuple):
     """Unused: a tuple without fields does not compile."""
 
 
-@registered("pull", SineFromTop)
-def _pull_at_top(angle: float, horizontal: None, vertical: None, restoring: SineFromTop) -> float:
-    return -math.sin(angle)
+@registered("slant", SineFromTop)
+def _slant_at_top(angle: float, restoring: SineFromTop) -> tuple[float, float]:
+    return -math.sin(angle), -math.cos(angle)
 
 
 @by_type("system")

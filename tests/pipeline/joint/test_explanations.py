@@ -1,0 +1,85 @@
+"""`joint` on records that only one explanation fits: friction of each knife, a support that yields, noisy heave."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.integrate import solve_ivp
+from test_method import in_sigmas, record, row
+
+from data_schemas.errors import RefusedError
+from pipeline.benchmarks.kinds import Case
+from pipeline.benchmarks.records import Made, of_case
+from pipeline.joint.gather import gather
+
+pytestmark = pytest.mark.compiled
+
+
+def made(**fields: object) -> Made:
+    return of_case(Case(duration=600.0, **fields), np.random.default_rng(39), "explained")
+
+
+def test_friction_of_each_knife_edge_is_its_own() -> None:
+    """One knife is ten times as blunt: neither kicks nor a motion of the ship stand for the difference."""
+    of = made(friction=np.array([4e-5, 4e-6]), swell=(1e-5, 0.0))
+    found = row(of.tree)
+    assert "friction-not-viscous" in found["flags"]
+    assert found["gravity_sigma_mgal"] < 0.5
+    assert abs(in_sigmas(found, of.gravity)) < 4.0
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-2])
+def test_noise_of_a_recorded_heave_does_not_reach_gravity(noise: float) -> None:
+    """What an accelerometer adds is not felt by the pendulums, which tell it from the ship's own motion."""
+    of = made(swell=(0.05, 0.05), states_heave=True, heave_noise=noise)
+    found = row(of.tree)
+    assert not gather(of.tree).problem.recorded.size
+    assert found["gravity_sigma_mgal"] < 0.3  # as a force it would be 20 mGal for the larger noise
+    assert abs(in_sigmas(found, of.gravity)) < 4.0
+
+
+@pytest.mark.parametrize("change", ["scale", "delay"])
+def test_noisy_heave_may_have_a_wrong_scale_or_come_late(change: str) -> None:
+    faults = {"scale": {"heave_scale": 1.2}, "delay": {"heave_delay": 0.1}}
+    of = made(swell=(0.05, 0.05), states_heave=True, heave_noise=5e-3, **faults[change])
+    assert abs(in_sigmas(row(of.tree), of.gravity)) < 4.0
+
+
+def test_noisy_heave_of_wrong_sign_is_refused() -> None:
+    of = made(swell=(0.05, 0.1), states_heave=True, heave_noise=5e-3, heave_scale=-1.0)
+    with pytest.raises(RefusedError):
+        row(of.tree)
+
+
+def test_difference_of_reversed_sign_is_refused() -> None:
+    tree, _ = record(duration=900.0)
+    stored = tree["record"].dataset
+    value = stored["elongation"].values * np.array([[1.0], [-1.0]])
+    tree["record"] = xr.DataTree(stored.assign(elongation=stored["elongation"].copy(data=value)))
+    with pytest.raises(RefusedError, match="sign of trace 2"):
+        row(tree)
+
+
+def test_support_that_yields_leaves_gravity_alone() -> None:
+    """The support sways by -1e-5 of the sum of both elongations: each pendulum alone would be slow by 100 mGal."""
+    tree, gravity = record()
+    time, periods, damping, sway = tree.dataset["time"].values, np.array([1.01, 1.0101]), 1e-4, -1e-5
+    kappa = (2.0 * np.pi / periods) ** 2
+    reference = float(tree["instrument"].dataset["reference_gravity"])
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        angle, speed = state[:2], state[2:]
+        across = 5e-3 * np.cos(2.0 * np.pi * t / 9.0) + 3e-3 * np.cos(2.0 * np.pi * t / 7.0 + 1.0)
+        across += sway * angle.sum()
+        pull = gravity / reference * np.sin(angle) + across * np.cos(angle)
+        return np.concatenate([speed, -2.0 * damping * speed - kappa * pull])
+
+    start = [0.012, -0.004, 0.0, 0.05]
+    path = solve_ivp(rates, (0.0, time[-1]), start, "DOP853", time, rtol=1e-11, atol=1e-13).y
+    traces = np.stack([path[0], path[0] - path[1]]) + 1e-5 * np.random.default_rng(5).normal(size=(2, time.size))
+    stored = tree["record"].dataset.drop_vars("vertical_acceleration")
+    tree["record"] = xr.DataTree(stored.assign(elongation=stored["elongation"].copy(data=traces)))
+    found = row(tree)
+    assert "sway of the support" in found["choice_reason"]
+    assert abs(in_sigmas(found, gravity)) < 4.0

@@ -49,13 +49,11 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     if np.any(problem.lattice.trace == problem.traces):
         words = "bias of the horizontal acceleration"
         found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))
-    of_heave, heave = (kinds.HEAVE_SCALE, kinds.HEAVE_DELAY), -1
+    if problem.recorded.size:
+        found.append(constant("scale of the heave", kinds.HEAVE_SCALE, f"{up}_scale", HEAVE_SCALE))
+        found.append(constant("delay of the heave", kinds.HEAVE_DELAY, f"{up}_delay", HEAVE_DELAY))
     if np.any(problem.lattice.trace == problem.traces + 1):
-        of_heave, heave = (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), problem.traces + 1
-        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, heave, gravity))
-    if problem.recorded.size or heave > 0:
-        found.append(constant("scale of the heave", of_heave[0], f"{up}_scale", HEAVE_SCALE, heave))
-        found.append(constant("delay of the heave", of_heave[1], f"{up}_delay", HEAVE_DELAY, heave))
+        found.append(constant("bias of the heave", kinds.ZERO, f"{up}_bias", ZERO, problem.traces + 1, gravity))
     for name, kind, prior in (("scale", kinds.GAIN, GAIN), ("delay", kinds.DELAY, DELAY)):
         if name in stated or f"{name}_uncertainty" in stated:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
@@ -81,6 +79,9 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
     found.append(Constant("sway of the support", kinds.SWAY, SWAY))
+    if np.any(problem.lattice.trace == problem.traces + 1):
+        found.append(Constant("scale of the heave", kinds.READ_HEAVE_SCALE, HEAVE_SCALE, problem.traces + 1))
+        found.append(Constant("delay of the heave", kinds.READ_HEAVE_DELAY, HEAVE_DELAY, problem.traces + 1))
     if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):

@@ -36,7 +36,8 @@ STEP, MOST_STEP = 1e-5, 1.0  # of a logarithm: for its slope; at once
 ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
 Result = TypeVar("Result")
-_FIELDS = ("power", "weight", "centre", "trace", "step", "frequency", "bins", "kicked", *get_args(Axis))
+_RESPONSES = (*get_args(Axis), "heave")
+_FIELDS = ("power", "weight", "centre", "trace", "step", "frequency", "bins", "kicked", *_RESPONSES)
 
 
 def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
@@ -83,7 +84,7 @@ def clipped(errors: Floats) -> Floats:
 def transfer(problem: Problem, trace: int, frequency: Floats, first: int = 0) -> Floats:
     """Square of a trace's response to U by frequency, of pendulums from the first on; of a recorded acceleration's."""
     if trace >= problem.traces:
-        return np.full(frequency.shape, float(first == 0))
+        return np.full(frequency.shape, float(first == 0 and trace == problem.traces))
     kappa, weights = problem.kappa[first:], problem.lattice.combination[trace, first:]
     return np.asarray((kappa / (kappa - frequency[..., None] ** 2) @ weights) ** 2)
 
@@ -154,6 +155,7 @@ def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) 
         "transverse": transfer(problem, trace, every, 1),
         "vertical": beside_the_swing(swing, angles, every),
         "tilt": np.full(every.size, float(weights.sum()) ** 2),
+        "heave": np.full(every.size, float(trace > problem.traces)),
         "kicked": kicked.reshape(-1, mean.size, problem.pendulums).sum(axis=0),
     }
 
@@ -173,7 +175,9 @@ class Spectrum:
     """(n,) mean power of the errors, number of ordinates, frequency, rad s-1, trace, and s between its samples."""
     frequency: Floats
     bins: np.ndarray  # (m,) frequencies, rad s-1, and the bins that they fall on
-    response: dict[str, Floats]  # (m,) square of the trace's response to motion along each axis
+    response: dict[str, Floats]
+    """(m,) square of the trace's response to motion along each axis, on either side of the swing to the vertical one;
+    and of a recorded heave to that."""
     kicked: Floats  # (n, p) the same to the kicks of each pendulum
     _units: dict[tuple[object, ...], Floats] = field(default_factory=dict)
 
@@ -182,13 +186,13 @@ class Spectrum:
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Spectrum:
         """The errors but those so near the swing, relative to it; finer bins about lines, also of some not assumed."""
         problem, assumed = fit.model.problem, fit.model.assumed
-        bands = [_band(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 1)]
+        bands = [_band(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 2)]
         size = 0
         for each in bands:
             each["bins"] = each["bins"] + size
             size += each["power"].size
         whole: dict[str, Any] = {name: np.concatenate([each[name] for each in bands]) for name in _FIELDS}
-        response = {axis: whole.pop(axis) for axis in get_args(Axis)}
+        response = {name: whole.pop(name) for name in _RESPONSES}
         return Spectrum(assumed, problem.swing, response=response, **whole)
 
     @cached_property
@@ -201,6 +205,8 @@ class Spectrum:
         at = self.frequency
         places = (at + self.swing, np.abs(at - self.swing)) if component.axis == "vertical" else (at,)
         every = self.response[component.axis] * sum(component.density(each) for each in places)
+        if component.axis == "vertical" and self.response["heave"].any():
+            every = every + self.response["heave"] * component.density(at)
         folds = at.size > self.power.size
         return np.asarray(np.bincount(self.bins, every, self.power.size) if folds else every)
 
@@ -228,7 +234,7 @@ class Spectrum:
     def excess(self, assumed: Assumed) -> float:
         """Frequency above the sea's where the errors exceed most what else would be expected, rad s-1; 0: nowhere."""
         over = self.expected / self.density(assumed) * self.power - 1.0
-        over[self.centre < CALM * self.swing] = 0.0
+        over[(self.centre < CALM * self.swing) | (self.trace == self.assumed.noise.size - 1)] = 0.0  # the last: heave
         return float(self.centre[np.argmax(over * np.sqrt(self.weight))]) if over.any() else 0.0
 
     def joined(self, assumed: Assumed, units: Sequence[Component], sizes: Sequence[float]) -> Assumed:

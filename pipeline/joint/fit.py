@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.joint import apparatus, choice, explanation, kinds, motion
+from pipeline.joint import apparatus, choice, explanation, motion
 from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
@@ -110,13 +110,6 @@ def reduce(gathered: Gathered) -> Outcome:
     others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
-    for each in fit.solution.constants:
-        heave = each.kind in (kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
-        if heave and abs(each.value - each.mean) > choice.FAR * each.prior:
-            raise RefusedError(
-                f"record/vertical_acceleration: {each.name} would be {each.value:+.2g} for the elongations to follow "
-                "it; check its sign (upward positive), unit (m s-2) and times"
-            )
     spread = choice.unexplained(fit)
     if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
         raise RefusedError(

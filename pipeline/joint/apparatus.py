@@ -19,6 +19,7 @@ KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
 CUBIC = 3.0  # rad-2, of the optics: a mirror on a flat film has 4/3
 RATIO = 1e-5  # of the square of a frequency against the others
+SWAY, YIELDING = "sway of the support", 3e-5  # with the pendulums' angles, over reference gravity
 HEAVE_SCALE, HEAVE_DELAY = 0.3, 0.1  # of a recorded heave; s
 EXACT = 1e-12  # an uncertainty of zero, in any unit
 CERTAIN = 5.0  # deviations
@@ -77,6 +78,7 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     late = float(np.clip(IN_TURN * problem.lattice.interval, DELAY, MOST_DELAY))
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
+    found.append(Constant(SWAY, kinds.SWAY, YIELDING))
     if np.any(problem.lattice.trace == problem.traces + 1):
         found.append(Constant("scale of the heave", kinds.READ_HEAVE_SCALE, HEAVE_SCALE, problem.traces + 1))
         found.append(Constant("delay of the heave", kinds.READ_HEAVE_DELAY, HEAVE_DELAY, problem.traces + 1))
@@ -115,7 +117,8 @@ def step_of_zero(trace: int, at: float) -> Constant:
 
 def faults_found(solution: Solution) -> list[str]:
     """What is wrong with the apparatus beyond doubt, in words."""
-    shown = (kinds.RATIO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *range(kinds.ZERO, kinds.READ_HEAVE_DELAY + 1))
+    of_readings = range(kinds.ZERO, kinds.READ_HEAVE_DELAY + 1)
+    shown = (kinds.RATIO, kinds.SWAY, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *of_readings)
     deviations = np.sqrt(np.diag(solution.covariance))
     return [
         f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()

@@ -25,6 +25,7 @@ from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 LARGER = 1.1  # a noise, for its share
 SOURCES = {
     kinds.RATIO: "ratio",
+    kinds.SWAY: "ratio",
     kinds.DAMPING: "damping",
     kinds.QUADRATIC: "damping",
     kinds.DRY: "damping",

@@ -36,7 +36,7 @@ MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
 FEIGNED = 2.0  # in log-likelihood
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 LEAN = (kinds.ZERO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
-REPLACED = (*SCALES, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kinds.DAMPING)
+REPLACED = (*SCALES, kinds.SWAY, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kinds.DAMPING)
 """Of constants: others may explain what they were taken for."""
 
 
@@ -116,7 +116,10 @@ def _steps(fit: Fitted) -> list[Candidate]:
         if best:
             last = best[0].model.constants[-1]
             tried = [each for each in tried if (each.kind, each.index) == (last.kind, last.index)]
-        best = [max([*best, *_added(fit, tried, cost=STEP_COST)], key=lambda each: each.value)]
+        found = [*best, *_added(fit, tried, cost=STEP_COST)]
+        if not found:  # friction that feeds the swing, with each
+            break
+        best = [max(found, key=lambda each: each.value)]
         at = best[0].model.constants[-1].centre
         low, high = max(0.0, at - (high - low) / STEPS), min(lattice.duration, at + (high - low) / STEPS)
     return best
@@ -204,9 +207,14 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
     if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):
         settled = max(settled, _added_up(alone), key=lambda each: each[0].solution.log_likelihood)
-    fit, close = settled
-    fit, close = _resized(fit, close)
-    return fit, [*close, *_rivals(fit)]
+    fit, close = _resized(*settled)
+    rivals = _rivals(fit)
+    best = max(rivals, key=lambda each: each.value, default=fit.candidate())
+    if best.value > fit.solution.log_likelihood + 0.5 * PAYS:  # which is half as far ahead as it is
+        other = fitted(best.model, fit.path)
+        if other.solution.log_likelihood > fit.solution.log_likelihood + PAYS:
+            return settle(other)
+    return fit, [*close, *rivals]
 
 
 def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
@@ -218,7 +226,11 @@ def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         trials = [Trial(fit, each) for each in candidates(fit) if each.value > base - PAYS]
         trials = [each for each in trials if each.candidate.value < base + PAYS or each.matters]
         trials.sort(key=lambda each: -each.candidate.value)
-        taken = _taken(fit, [each.candidate for each in trials if each.candidate.value > base + PAYS])
+        ahead = [each.candidate for each in trials if each.candidate.value > base + PAYS]
+        swayed = [each for each in ahead if apparatus.SWAY in each.model.words[-1:]]
+        taken = _taken(fit, [each for each in ahead if apparatus.SWAY not in each.model.words[-1:]])
+        if taken is None and swayed:  # last, and beside the ship's motion, which it passes for
+            taken = _taken(fit, sorted([*swayed, *motion.with_the_swing(fit)], key=lambda each: -each.value))
         if taken is None:
             break
         fit = motion.reshaped(_with_fade(taken))

@@ -79,6 +79,7 @@ def flow(
     quadratic: Floats | None = None,
     dry: Floats | None = None,
     fade: float = 0.0,
+    sway: float = 0.0,
     heave_noise: float = 0.0,
 ) -> Flow:
     """Matrices of a step, s, of at most 1.3 rad of the swing.
@@ -87,6 +88,9 @@ def flow(
     ----------
     kick : (p,) array
         Intensities of the random kicks, rad s-1/2.
+    sway : float
+        Horizontal acceleration of the support over reference gravity by a pendulum that is a radian aside; a support
+        that yields has less than nothing.
     ship : Ship
 
     All others as in `Flow`.
@@ -104,6 +108,7 @@ def flow(
         drift[2 * i, 2 * i + 1] = 1.0
         drift[2 * i + 1, 2 * i], drift[2 * i + 1, 2 * i + 1] = -kappa[i] * gravity, -2.0 * damping[i]
         drift[2 * i + 1] -= kappa[i] * (u_row + t_row * (i > 0))
+        drift[2 * i + 1, :two:2] -= kappa[i] * sway
         drive[2 * i + 1, 2 * i + 1] = kappa[i] * kick[i] ** 2
     van_loan = np.zeros((2 * size, 2 * size))
     van_loan[:size, :size], van_loan[:size, size:], van_loan[size:, size:] = -drift, drive, drift.T

@@ -96,6 +96,11 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
                 elif kind == kinds.RATIO:
                     for s in range(n):
                         force[s] = force[s] * (flow.gravity + z[s]) - kappa * rest[i, COSINE, m, s] * u[s]
+                elif kind == kinds.SWAY:
+                    for s in range(n):
+                        force[s] = 0.0
+                        for j in range(count):
+                            force[s] -= kappa * nodes[POINTS * j + m, s]
                 elif kind == kinds.HEAVE_SCALE:
                     for s in range(n):
                         force[s] *= recorded[k + s, m] if recorded.shape[0] > 0 else 0.0

@@ -119,7 +119,8 @@ class Problem:
         arrays = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
         fade = sum(c.value for c in constants if c.kind == kinds.FADE)
         fade += max((c.centre for c in constants if c.kind == kinds.DRY), default=0.0)
-        numbers = self.lattice.step, gravity, assumed.sine, fade, assumed.heave_noise
+        sway = float(unknown.total(constants, kinds.SWAY, 1)[0])
+        numbers = self.lattice.step, gravity, assumed.sine, fade, sway, assumed.heave_noise
         return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
 
     def gain(self, constants: Constants) -> Floats:
@@ -316,12 +317,13 @@ def _flow(
     gravity: float,
     sine: bool,
     fade: float,
+    sway: float,
     heave_noise: float,
 ) -> Flow:
     kappa, damping, kick, quadratic, dry = map(np.array, arrays)
     return flow(
         step, kappa, damping, kick, Ship.of(ship), gravity=gravity, sine=sine, quadratic=quadratic, dry=dry, fade=fade,
-        heave_noise=heave_noise,
+        sway=sway, heave_noise=heave_noise,
     )  # fmt: skip
 
 

@@ -1,10 +1,11 @@
-"""`joint` on records that only one explanation fits: friction of each knife, noisy heave, a reversed sign."""
+"""`joint` on records that only one explanation fits: friction of each knife, a support that yields, noisy heave."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.integrate import solve_ivp
 from test_method import in_sigmas, record, row
 
 from data_schemas.errors import RefusedError
@@ -58,3 +59,24 @@ def test_difference_of_reversed_sign_is_refused() -> None:
     tree["record"] = xr.DataTree(stored.assign(elongation=stored["elongation"].copy(data=value)))
     with pytest.raises(RefusedError, match="sign of trace 2"):
         row(tree)
+
+
+def test_support_that_yields_leaves_gravity_alone() -> None:
+    """The support sways by -1e-5 of the sum of both elongations: neither damping nor period stands for it."""
+    tree, gravity = record()
+    time, kappa, damping, sway = tree.dataset["time"].values, (2.0 * np.pi / np.array([1.01, 1.0101])) ** 2, 1e-4, -1e-5
+    over_reference = gravity / float(tree["instrument"].dataset["reference_gravity"])
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        angle, speed = state[:2], state[2:]
+        across = 5e-3 * np.cos(2.0 * np.pi * t / 9.0) + 3e-3 * np.cos(2.0 * np.pi * t / 7.0 + 1.0) + sway * angle.sum()
+        pull = over_reference * np.sin(angle) + across * np.cos(angle)
+        return np.concatenate([speed, -2.0 * damping * speed - kappa * pull])
+
+    path = solve_ivp(rates, (0.0, time[-1]), [0.012, -0.004, 0.0, 0.05], "DOP853", time, rtol=1e-11, atol=1e-13).y
+    traces = np.stack([path[0], path[0] - path[1]]) + 1e-5 * np.random.default_rng(5).normal(size=(2, time.size))
+    stored = tree["record"].dataset.drop_vars("vertical_acceleration")
+    tree["record"] = xr.DataTree(stored.assign(elongation=stored["elongation"].copy(data=traces)))
+    found = row(tree)
+    assert found["gravity_sigma_mgal"] < 0.5
+    assert abs(in_sigmas(found, gravity)) < 4.0

@@ -20,7 +20,7 @@ from pipeline.observation import Observation
 PLACES = 2000  # from which the scale is taken, at least
 REACH_SECONDS = 0.5
 LEAST_REACH = 6  # samples on each side
-THRESHOLD = 6.0  # robust sigmas; of 45000 Gaussian samples 1e-4 exceed it
+THRESHOLD, USUAL = 6.0, 45000  # robust sigmas; of so many Gaussian samples 1e-4 exceed it, of more no more shall
 MOST_ANGLE = 0.5 * np.pi  # swing between samples; with fewer than four a swing neighbours predict nothing
 FLOOR = 1e-6  # of the largest elongation: what departs less harms nothing
 LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no certainty of its phase
@@ -164,7 +164,8 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     count = series.size - taps.size
     error = np.abs(sum(np.correlate(series[k[0] : k[-1] + 1 + count], taps[k], "valid") for k in pieces))
     scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
-    outliers = largest_present(error) > max(THRESHOLD * scale, FLOOR * largest_present(np.abs(series)))
+    threshold = np.sqrt(THRESHOLD**2 + 2.0 * np.log(max(error.size / USUAL, 1.0)))
+    outliers = largest_present(error) > max(threshold * scale, FLOOR * largest_present(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))
 
 

@@ -24,6 +24,7 @@ ITERATIONS = 12
 SETTLED = 1e-13  # relative step of the frequency
 _SCAN_STEP = 1.0  # rad over the record between starts that are tried
 _SCAN_FROM = 4.0  # rad over the record that the correction may reach before more than one start is tried
+_SCAN_WHOLE, _PART, _AGAIN = 64.0, 4, 8.0  # rad at most at once; of it, where it is more; rad about what a part gave
 
 
 @dataclass(frozen=True)
@@ -90,31 +91,40 @@ def fit_narrowband(
     difference = np.where(weight > 0.0, envelope.difference, 0.0)
     first, first_speed = fill(envelope.first), fill(envelope.first_speed)
 
-    def modelled(frequency: float, gamma: float) -> tuple[Complexes, Complexes]:
-        """The model from the best start D0, and growth `e^{mu t}`, (k,) each."""
+    def modelled(frequency: float, gamma: float, count: int = time.size) -> tuple[Complexes, Complexes]:
+        """The model of the first instants from the best start D0, and growth `e^{mu t}`, (count,) each."""
         decay = gamma + damping_difference
         own = np.sqrt(ratio**2 * (frequency**2 + gamma**2) - decay**2)  # damped frequency of the first pendulum
         kappa = complex(-damping_difference, own - frequency)
         # X = Z1 + Xi, where Xi = 3/(2 i w1) (Z1' - (i w1 - gamma1) Z1) vanishes for a free swing; both analytic signals
         by_first = kappa * (1.0 + 1.5 * complex(carrier - own, -decay) / own)
-        drive = by_first * first + kappa * (-1.5j / own) * first_speed
-        growth = np.exp(complex(-gamma, frequency - carrier) * time)
+        drive = by_first * first[:count] + kappa * (-1.5j / own) * first_speed[:count]
+        growth = np.exp(complex(-gamma, frequency - carrier) * time[:count])
         response = growth * running_integral(drive / growth, hop)
-        conjugate = weight * np.conj(growth)
-        start = complex((conjugate @ (difference - response)) / (conjugate @ growth).real)
+        conjugate = weight[:count] * np.conj(growth)
+        start = complex((conjugate @ (difference[:count] - response)) / (conjugate @ growth).real)
         return start * growth + response, growth
 
     def squares(model: Complexes) -> float:
-        return float(weight @ np.abs(difference - model) ** 2)
+        return float(weight[: model.size] @ np.abs(difference[: model.size] - model) ** 2)
 
     gamma, length = 0.0 if damping_rate is None else damping_rate, float(time[-1])
     slope = phase_slope(envelope.time, difference, weight)
     frequency = carrier + slope
     span = 2.0 * abs(frequency * (ratio - 1.0)) * length
-    if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start
-        steps = int(np.ceil(span / _SCAN_STEP))
-        trials = frequency + np.arange(-steps, steps + 1) * (_SCAN_STEP / length)
-        frequency = float(min(trials, key=lambda trial: squares(modelled(trial, gamma)[0])))
+    if span > _SCAN_FROM:  # the correction may hide whole turns of phase: try every start, of a part first
+        parts = [time.size]
+        while span > _SCAN_WHOLE:
+            parts.append(parts[-1] // _PART)
+            span /= _PART
+        for count in reversed(parts):
+            if count < time.size and np.mean(weight[:count] > 0.0) < 0.5:
+                span *= _PART
+                continue
+            steps, step = int(np.ceil(span / _SCAN_STEP)), _SCAN_STEP / float(time[count - 1])
+            trials = frequency + step * np.arange(-steps, steps + 1)
+            frequency = float(min(trials, key=lambda trial: squares(modelled(trial, gamma, count)[0])))
+            span = _AGAIN
     forced = (ratio - 1.0) * first  # X leaves it as w1 and gamma1 leave the first pendulum's swing
     for _ in range(ITERATIONS):
         model, growth = modelled(frequency, gamma)

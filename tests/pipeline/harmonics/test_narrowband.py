@@ -89,6 +89,15 @@ def test_beats_through_zero_do_not_matter() -> None:
     assert abs(relative(fit(pair), pair)) < 1e-4
 
 
+@pytest.mark.parametrize("missing", [0, 100])
+def test_starts_of_a_part_first_lead_to_the_same_fit(missing: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, cut = Pair.apart(3e-3), np.where(np.arange(TIME.size) < missing, np.nan, 1.0)
+    difference = envelopes(pair)[0] * cut
+    whole = fit(pair, difference=difference)
+    monkeypatch.setattr("pipeline.harmonics.narrowband._SCAN_WHOLE", 1.0)
+    assert fit(pair, difference=difference).frequency == pytest.approx(whole.frequency, rel=1e-12)
+
+
 def test_missing_instants_have_no_weight() -> None:
     pair = Pair.apart(1e-4)
     difference, _, _ = envelopes(pair)

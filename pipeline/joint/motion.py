@@ -25,7 +25,8 @@ QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
 TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
-NEAR = np.array([1.0, 10.0, 100.0])  # widths of a line at the swing's frequency, over what the record tells apart
+NEAR, NEAR_SIZES = np.array([1.0, 10.0, 100.0]), (1e-6, 1e-5, 1e-4)
+"""Of motion at the swing's own frequency: widths over what the record tells apart; over reference gravity."""
 ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
 CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
 LIKE_KICKS = 0.02  # of its frequency, a width
@@ -153,8 +154,8 @@ def with_the_swing(fit: Fitted) -> Iterator[Candidate]:
     """Horizontal motion at the swing's own frequency, which the path follows: no peak of the errors shows it."""
     model, swing = fit.model, fit.model.problem.swing
     for width in NEAR / model.problem.lattice.duration:
-        for size in TWICE:
-            line = Engine(swing, width, 0.1 * size, "horizontal")
+        for size in NEAR_SIZES:
+            line = Engine(swing, width, size, "horizontal")
             assumed = replace(model.assumed, ship=(*model.assumed.ship, line))
             words = (*model.words, f"horizontal motion at {swing / (2.0 * np.pi):.2f} Hz")
             yield priced(replace(model, words=words, assumed=assumed), fit.path, cost=COMPONENT)

@@ -118,7 +118,7 @@ def fit_narrowband(
             parts.append(parts[-1] // _PART)
             span /= _PART
         for count in reversed(parts):
-            if count < time.size and np.mean(weight[:count] > 0.0) < 0.5:
+            if count < time.size and np.mean(weight[:count] > 0.0) < 0.5:  # mostly missing: a longer part
                 span *= _PART
                 continue
             steps, step = int(np.ceil(span / _SCAN_STEP)), _SCAN_STEP / float(time[count - 1])

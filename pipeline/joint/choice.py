@@ -210,10 +210,10 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     fit, close = _resized(*settled)
     rivals = _rivals(fit)
     best = max(rivals, key=lambda each: each.value, default=fit.candidate())
-    if best.value > fit.solution.log_likelihood + 0.5 * PAYS:  # which is half as far ahead as it is
-        other = fitted(best.model, fit.path)
-        if other.solution.log_likelihood > fit.solution.log_likelihood + PAYS:
-            return settle(other)
+    likely = best.value > fit.solution.log_likelihood + 0.5 * PAYS  # which is half as far ahead as it is
+    other = attempted(best.model, fit.path) if likely else None
+    if other is not None and likelier(fit, other) is other:
+        return settle(other)
     return fit, [*close, *rivals]
 
 

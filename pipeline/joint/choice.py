@@ -48,9 +48,9 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     kicked = list(kicks.larger_or_smaller(fit))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
-    steps = _steps(fit) if max(each.value for each in [*found, *kicked]) > shown else []
+    steps = _steps(fit) if max((each.value for each in [*found, *kicked]), default=-np.inf) > shown else []
     yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
-    yield from motion.components(fit, slow=max(each.value for each in [*found, *steps]) > shown)
+    yield from motion.components(fit, slow=max((each.value for each in [*found, *steps]), default=-np.inf) > shown)
 
 
 def _possible(fit: Fitted) -> list[Constant]:
@@ -259,6 +259,8 @@ def _rivals(fit: Fitted) -> list[Candidate]:
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
         leans.append((fitted(still, fit.path), "kicks", False))
     for lean, name, kicked in leans:
+        if _far(lean.model.constants):  # what is left alone is beyond what can be followed: from where it was
+            lean = replace(lean, model=replace(lean.model, constants=lean.about))
         others = [each for each in _possible(lean) if each.name != name]
         for each in (*_added(lean, others, cost=0.0), *(kicks.larger_or_smaller(lean) if kicked else ())):
             other = _fitted(lean, each) if each.value > least - MUCH else None
@@ -340,9 +342,13 @@ def _fitted(fit: Fitted, candidate: Candidate) -> Fitted | None:
     found = attempted(model, fit.path)
     if found is None:
         return None
-    own = [each for each in found.model.constants if not is_knot(each) and not each.stated]
-    far = any(abs(each.value - each.mean) > FAR * each.prior for each in own)
-    return None if far or feeds(found.model.constants) else found
+    return None if _far(found.model.constants) or feeds(found.model.constants) else found
+
+
+def _far(constants: Constants) -> bool:
+    """Whether a constant lies far beyond its prior."""
+    own = [each for each in constants if not is_knot(each) and not each.stated]
+    return any(abs(each.value - each.mean) > FAR * each.prior for each in own)
 
 
 def feeds(constants: Constants) -> bool:

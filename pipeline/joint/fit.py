@@ -12,7 +12,7 @@ from pipeline.joint.course import mean_gravity, mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import of_the_law
+from pipeline.joint.outliers import of_the_law, reconsidered
 from pipeline.joint.problem import LEVEL
 from pipeline.joint.start import CAPTURE, first_fits
 from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves
@@ -27,6 +27,7 @@ REPLACED = 0.3  # of a swing, by kicks within the record
 SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
 HALF = 0.5
+SUSPECT, AGAIN = 0.02, 2  # share of readings left out that is considered again, so many times at most
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
 
@@ -81,13 +82,13 @@ def reduce(gathered: Gathered) -> Outcome:
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
-        fit, close = choice.settle(found[0])
+        fit, close = settled(found[0], gathered)
         lean = choice.without_far_heave(found[0])
         if lean is not None:
-            fit, close = max((fit, close), choice.settle(lean), key=lambda each: each[0].solution.log_likelihood)
+            fit, close = max((fit, close), settled(lean, gathered), key=lambda each: each[0].solution.log_likelihood)
         mean, sigma = choice.averaged(fit, close)
         if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
-            fit, close, mean, sigma = weighed([(fit, close), choice.settle(found[1])], reference)
+            fit, close, mean, sigma = weighed([(fit, close), settled(found[1], gathered)], reference)
     except motion.UnresolvedError:
         return reduce(gathered.denser())
     except np.linalg.LinAlgError as error:
@@ -130,6 +131,20 @@ def reduce(gathered: Gathered) -> Outcome:
             "check period, reference_gravity and the time axis"
         )
     return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()), gathered.still)
+
+
+def settled(fit: explanation.Fitted, gathered: Gathered) -> tuple[explanation.Fitted, list[explanation.Candidate]]:
+    """As `choice.settle`; what many readings were left out for may have been found by then, and they are taken back."""
+    fit, close = choice.settle(fit)
+    for _ in range(AGAIN):
+        before = fit.model.problem.left_out
+        if before.mean() - gathered.problem.left_out.mean() < SUSPECT and not fit.model.assumed.breaks:
+            break
+        again = reconsidered(fit.model, fit, gathered.problem)
+        if again is fit or again.model.problem.left_out.sum() >= before.sum():
+            break
+        fit, close = choice.settle(motion.reshaped(again))
+    return fit, close
 
 
 def strained(fit: explanation.Fitted) -> bool:

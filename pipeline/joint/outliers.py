@@ -156,7 +156,12 @@ def better(model: Model, fit: Fitted) -> Fitted:
 
 def standing(fit: Fitted) -> float:
     """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
-    return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
+    return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum()) - _knocked(fit)
+
+
+def _knocked(fit: Fitted) -> float:
+    """What pendulums that were knocked must be worth, in log-likelihood."""
+    return BROKEN * len({node for node, _ in fit.model.assumed.breaks})
 
 
 def of_the_law(fit: Fitted) -> float:
@@ -166,7 +171,7 @@ def of_the_law(fit: Fitted) -> float:
     """
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
-    rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
+    rejected -= _knocked(fit) + 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
     return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 

@@ -91,15 +91,6 @@ def weights(
     return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
 
 
-def aligned(values: Floats) -> Floats:
-    """A contiguous copy that begins at a cache line: loads of eight doubles then touch one line each."""
-    room = np.empty(values.size + 8)
-    skip = -(room.ctypes.data // 8) % 8
-    result = room[skip : skip + values.size].reshape(values.shape)
-    result[...] = values
-    return result
-
-
 @functools.cache
 def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
     """Nodes in intervals; times left from the quadrature points before each; the same for the end, in long doubles,

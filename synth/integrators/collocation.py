@@ -270,10 +270,8 @@ def run(
 @functools.cache
 def _nodes() -> Nodes:
     points, shares = core.barycentric()
-    middle = points[1:-1], shares[1:-1], (float(shares[0]), float(shares[-1]))
-    return Nodes(
-        (points[1:-1] + 1.0) / 2.0, core.legendre_tail()[None, :], core.continuation().T.reshape(1, -1), *middle
-    )
+    inside = points[1:-1], shares[1:-1], (float(shares[0]), float(shares[-1]))
+    return Nodes(core.legendre_tail()[None, :], core.continuation().T.reshape(1, -1), *inside)
 
 
 @functools.lru_cache(maxsize=256)

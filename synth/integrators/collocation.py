@@ -155,13 +155,13 @@ def integrate_ensemble(
 class Problem:
     """A system with its linear part, which is carried exactly."""
 
-    def __init__(self, system: Any, longest: float | None = None) -> None:
+    def __init__(self, system: Any) -> None:
         self.system, self.parts = system, linear_part(system)
         self.square = np.array([float(square) for square, _ in self.parts])  # (components,) 1/s^2
         self.mirror = mirror_of(system, len(self.parts))  # (components,) what half a swing does to the remainder
         swings = self.square[system.first_angle // 2 :]
-        half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
-        self.longest = longest or half  # length of the longest intervals to try, s
+        # length of the longest intervals to try, s: half a swing
+        self.longest = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
 
     def shallowest(self, ladder: Ladder) -> int:
         """Depth of the longest intervals in which no component turns further than the weights are exact for."""

@@ -118,7 +118,9 @@ def test_measured_order_of_convergence() -> None:
     exact = run(Problem(system), first, times, FINEST)[0][1]
     errors = []
     for interval in (1.5, 0.75, 0.5):
-        states = run(Problem(system, longest=interval), first, times, (1e-15, 1e3), depth=0)[0]
+        problem = Problem(system)
+        problem.longest = interval
+        states = run(problem, first, times, (1e-15, 1e3), depth=0)[0]
         errors.append(np.max(np.abs(states[1] - exact)))
     assert np.log2(errors[0] / errors[1]) > 20.0
     assert errors[2] < 1e-14

@@ -3,12 +3,6 @@
 Every component is a linear oscillator, carried exactly, plus a remainder that is collocated at 16 Gauss nodes of
 intervals of up to half a swing (Picard iteration, `collocation_march`). The motion is run twice, the second time with
 looser limits and shorter intervals; the difference is the estimate.
-
-Of an ensemble, members share weights and lengths of intervals, and threads share members. A member's own arithmetic
-already fills vector registers (the nodes of an interval are its lanes). What members share is the rest: the linear part
-that is carried is rounded to ten bits, so that few weights serve all, and what was rounded off returns exactly through
-the remainder; lengths of intervals are tried out once, on the first member. So a member's last bits depend on the first
-member, but on no other and not on the number of threads.
 """
 
 from __future__ import annotations
@@ -26,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.collocation_march import ORDERS, ROUGH, Level, Nodes, march
-from synth.integrators.collocation_remainders import Work, excess_of, linear_part, mirror_of
+from synth.integrators.collocation_remainders import Work, linear_part, mirror_of
 from synth.integrators.trajectory import Trajectory, checked, difference, reason, spread
 from synth.kernels import collocation as core
 from synth.kernels.collocation import NODES
@@ -48,7 +42,6 @@ _SWINGS = 3000.0  # records longer than this many swings ask more of each interv
 _ROUNDED = 2.2e-16
 _CHECKS = 65  # instants at which runs are compared, at least: an error may pass through zero at a single one,
 _MOST_CHECKS = 1000  # and at most
-_BITS = 10  # of the linear part that the members of an ensemble carry
 _MOST_LEVELS = 17  # the shortest intervals are 256 times shorter than the longest
 _FARTHEST = 10.0  # rad a component may turn in an interval
 _PILOT = 12  # intervals on which a length is tried
@@ -145,47 +138,30 @@ def integrate_ensemble(
     states = np.array(starts, dtype=np.float64)
     if states.ndim != 2 or not len(states):
         raise UsageError("starts must be one row a member, (members, n)")
-    first, instants = checked(states[0], times, tolerance)
+    instants = checked(states[0], times, tolerance)[1]
     if len(systems) != len(states) or not np.isfinite(states).all():
         raise UsageError(f"{len(systems)} systems and {len(states)} starts: give one finite start a member")
     _check_collocates(systems[0])
-    carried = [_rounded(system) for system in systems]
-    pilot = Problem(systems[0], carried[0])
-    longest = pilot.longest
-    limits = _limits_for(_local_tolerance(tolerance, instants, longest))
-    depth = chosen(pilot, first, float(instants[0]), limits)
-    result = np.empty((len(states), instants.size, first.size))
 
-    def member(index: int) -> None:
-        problem = Problem(systems[index], carried[index], longest)
-        run(problem, states[index], instants, limits, depth=depth, out=result[index])
+    def member(system: Any, start: Floats) -> Floats:
+        problem = Problem(system)
+        return run(problem, start, instants, _limits_for(_local_tolerance(tolerance, instants, problem.longest)))[0]
 
     processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(workers or processors) as pool:
-        for done in [pool.submit(member, index) for index in range(len(states))]:
-            done.result()
-    return result
-
-
-def _rounded(system: Any) -> tuple[Floats, Floats]:
-    """The linear part with few bits."""
-    mantissa, exponent = np.frexp(np.array(linear_part(system), dtype=np.float64))
-    rounded = np.ldexp(np.round(np.ldexp(mantissa, _BITS)), exponent - _BITS)
-    return rounded[:, 0].copy(), rounded[:, 1].copy()
+        return np.array(list(pool.map(member, systems, states)))
 
 
 class Problem:
-    """A system with the linear part that is carried exactly: its own, or another near it."""
+    """A system with its linear part, which is carried exactly."""
 
-    def __init__(self, system: Any, carried: tuple[Floats, Floats] | None = None, longest: float | None = None) -> None:
-        self.system, parts = system, linear_part(system)
-        square, loss = carried or tuple(np.array(parts, dtype=np.float64).T.copy())
-        self.square, self.loss = square, loss  # (components,) of the linear part carried, 1/s^2 and 1/s
-        self.excess = excess_of(parts, square, loss)  # (components, 2) what these have more than the system's own
-        self.mirror = mirror_of(system, len(parts))  # (components,) what half a swing does to the remainder, 1 or -1
-        swings = square[system.first_angle // 2 :]
-        half = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
-        self.longest = longest or half  # length of the longest intervals to try, s
+    def __init__(self, system: Any) -> None:
+        self.system, self.parts = system, linear_part(system)
+        self.square = np.array([float(square) for square, _ in self.parts])  # (components,) 1/s^2
+        self.mirror = mirror_of(system, len(self.parts))  # (components,) what half a swing does to the remainder
+        swings = self.square[system.first_angle // 2 :]
+        # length of the longest intervals to try, s: half a swing
+        self.longest = math.pi / math.sqrt(max(float(np.mean(np.abs(swings))), 1e-300))
 
     def shallowest(self, ladder: Ladder) -> int:
         """Depth of the longest intervals in which no component turns further than the weights are exact for."""
@@ -206,8 +182,7 @@ class Problem:
         interval = math.ldexp(round(mantissa * 65536), exponent - 16)  # of 16 bits: its multiples are exact
         repeats = part.denominator <= _LONGEST_LAG
         mirror = self.mirror if repeats and part.numerator % 2 else np.ones_like(self.mirror)
-        packed = _packed(interval, *zip(self.square.tolist(), self.loss.tolist(), strict=True))
-        return Level(interval, part.denominator if repeats else 1, mirror, *packed)
+        return Level(interval, part.denominator if repeats else 1, mirror, *_packed(interval, *self.parts))
 
 
 class Run:
@@ -221,15 +196,15 @@ class Run:
         state[:, 0], state[:, 2] = start[0::2], start[1::2]
         swing = np.divide(state[:, 2], frequency, out=np.zeros_like(frequency), where=frequency > 0.0)
         components, amplitude = len(state), state[:, 0] ** 2 + swing**2
-        known, room, (position, rate) = (core.aligned(np.zeros((2, components, NODES))) for _ in range(3))
-        base, memory = core.aligned(np.zeros((components, 2 * NODES))), np.empty((0, ORDERS, components, NODES))
-        self.work = Work(state, amplitude, problem.excess, memory, known, room, base, position, rate)
+        known, room, (position, rate) = np.zeros((3, 2, components, NODES))
+        base, memory = np.zeros((components, 2 * NODES)), np.empty((0, ORDERS, components, NODES))
+        self.work = Work(state, amplitude, memory, known, room, base, position, rate)
 
     def go(self, level: Level, count: int, times: Floats, states: Floats) -> bool:
         """March `count` intervals, or as many as can be done; whether all were."""
         system, memory = self.problem.system, self.work.memory
         if len(memory) != level.lag:
-            self.work = self.work._replace(memory=core.aligned(np.zeros((level.lag, *memory.shape[1:]))))
+            self.work = self.work._replace(memory=np.zeros((level.lag, *memory.shape[1:])))
         ship = getattr(system, "horizontal", None), getattr(system, "vertical", None)
         limits = self.limits[0] ** 2, self.limits[1] ** 2
         done = march(system, *ship, level, _nodes(), self.work, limits, self.time, count, times, states, self.report)
@@ -257,15 +232,14 @@ def chosen(problem: Problem, start: Floats, time: float, limits: tuple[float, fl
 
 def run(
     problem: Problem, start: Floats, times: Floats, limits: tuple[float, float], ladder: Ladder = LADDER,
-    depth: int | None = None, out: Floats | None = None,
+    depth: int | None = None,
 ) -> tuple[Floats, Run]:  # fmt: skip
     """States (k, n) at the increasing times, the first that of the start, and the run that gave them.
 
     `limits` are what iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes; `depth`
-    is that of the first intervals, by default tried out; `out` receives the states. `RefusedError` where no interval is
-    short enough.
+    is that of the first intervals, by default tried out. `RefusedError` where no interval is short enough.
     """
-    states = np.empty((times.size, start.size)) if out is None else out
+    states = np.empty((times.size, start.size))
     begin = float(times[0])
     here = Run(problem, start, begin, limits)
     first = chosen(problem, start, begin, limits, ladder) if depth is None else depth
@@ -296,13 +270,12 @@ def run(
 @functools.cache
 def _nodes() -> Nodes:
     points, shares = core.barycentric()
-    continued, tail = core.aligned(core.continuation().T.reshape(1, -1)), core.aligned(core.legendre_tail()[None, :])
-    middle = core.aligned(points[1:-1]), core.aligned(shares[1:-1]), (float(shares[0]), float(shares[-1]))
-    return Nodes((core.gauss_nodes() / core.FINE + 1.0) / 2.0, tail, continued, *middle)
+    inside = points[1:-1], shares[1:-1], (float(shares[0]), float(shares[-1]))
+    return Nodes(core.legendre_tail()[None, :], core.continuation().T.reshape(1, -1), *inside)
 
 
 @functools.lru_cache(maxsize=256)
-def _packed(interval: float, *parts: tuple[float, float]) -> list[Floats]:
+def _packed(interval: float, *parts: tuple[Fraction, Fraction]) -> list[Floats]:
     """Weights of all components, from square and loss of each."""
     columns = zip(*(core.weights(*each, interval) for each in parts), strict=True)
-    return [core.aligned(np.array(column)) for column in columns]
+    return [np.array(column) for column in columns]

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.integrators.collocation_remainders import Work, nodes_of
-from synth.kernels.collocation import NODES, advance, change, last_terms
+from synth.kernels.collocation import NODES, advance, change, couple, last_terms
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats, Integers
@@ -38,7 +38,6 @@ _STALL = 1e3  # changes this many times the smallest that matters are rounding i
 class Nodes(NamedTuple):
     """What every march needs of the nodes, whatever the system."""
 
-    places: Floats  # (NODES,) in intervals, 0 to 1
     tail: Floats  # (1, 4 * NODES) rows of the Legendre tail
     continuation: Floats
     """(1, NODES * NODES) nodes of the interval to come (fast index) from those of the interval before (slow index)."""
@@ -84,8 +83,8 @@ def march(
     report[3] = DONE
     for i in range(count):
         start = begin + i * interval
-        _sample(start, interval, nodes.places, horizontal, sample[0])
-        _sample(start, interval, nodes.places, vertical, sample[1])
+        _sample(start, interval, nodes.points, horizontal, sample[0])
+        _sample(start, interval, nodes.points, vertical, sample[1])
         following = start + interval
         reading = report[0] < times.size and times[report[0]] < following
         for c in range(components):
@@ -95,7 +94,9 @@ def march(
         renewed = i % _RENEWAL == 0
         turns, before, going = 0, np.inf, True
         while True:
-            _couple(level.inner, known, now, base, position, rate)
+            for c in range(components):
+                couple(level.inner, 0, known, now, c, base, 0, position)
+                couple(level.inner, NODES * NODES, known, now, c, base, NODES, rate)
             if not going:
                 break
             if turns == _MOST_TURNS:
@@ -153,11 +154,11 @@ def march(
 
 
 @taken_in
-def _sample(begin: float, interval: float, places: Floats, term: Any, out: Floats) -> None:
+def _sample(begin: float, interval: float, points: Floats, term: Any, out: Floats) -> None:
     """The ship's acceleration at the nodes, if it moves."""
     if term is not None:
         for j in range(NODES):
-            out[j] = motion(begin + interval * places[j], term)
+            out[j] = motion(begin + interval * (0.5 * (points[j] + 1.0)), term)
 
 
 @kernel
@@ -166,24 +167,6 @@ def _free(flow: Floats, c: int, position: float, rate: float, out: Floats) -> No
         store(out, (c, j), load(flow, (c, j)) * position + load(flow, (c, NODES + j)) * rate)
         k = 2 * NODES + j
         store(out, (c, NODES + j), load(flow, (c, k)) * position + load(flow, (c, NODES + k)) * rate)
-
-
-@kernel
-def _couple(inner: Floats, known: Floats, now: int, base: Floats, position: Floats, rate: Floats) -> None:
-    for c in range(position.shape[0]):
-        first, second = load(base, (c, 0)), load(base, (c, LANES))
-        third, fourth = load(base, (c, NODES)), load(base, (c, NODES + LANES))
-        for k in range(NODES):
-            value = known[now, c, k]
-            row = k * NODES
-            first += load(inner, (c, row)) * value
-            second += load(inner, (c, row + LANES)) * value
-            third += load(inner, (c, row + NODES * NODES)) * value
-            fourth += load(inner, (c, row + NODES * NODES + LANES)) * value
-        store(position, (c, 0), first)
-        store(position, (c, LANES), second)
-        store(rate, (c, 0), third)
-        store(rate, (c, LANES), fourth)
 
 
 @kernel

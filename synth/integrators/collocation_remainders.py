@@ -35,9 +35,6 @@ class Work(NamedTuple):
 
     state: Floats  # (components, 4) position and rate, each as leading double and rest
     amplitude: Floats  # (components,) square of the largest size so far
-    excess: Floats
-    """(components, 2) what the carried linear part has more than the system's own, 1/s^2 and 1/s: with it the remainder
-    is right to the last bit."""
     memory: Floats  # (lag, ORDERS, components, NODES) as for `guess`
     known: Floats  # (2, components, NODES) the remainder, of this turn and of the turn before in either order
     room: Floats  # (2, components, NODES)
@@ -88,7 +85,7 @@ def linear_part(system: Any) -> Exact:
 @registered("remainder", ElasticBeam)
 @kernel
 def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) -> None:
-    position, rate, excess, room = work.position, work.rate, work.excess, work.room
+    position, rate, room = work.position, work.rate, work.room
     count, gravity = system.length.size, system.gravity
     whole = own_mass(system)
     for p in range(count):
@@ -107,13 +104,12 @@ def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) ->
             force += (system.mass[p] * system.length[p]) * (slope * (swing * swing) + arm * free)
             light += system.mass[p] * (arm * arm)
             store(room, (0, p, j), inverse * arm)
-            store(room, (1, p, j), pull * short + torque + (excess[p + 1, 0] * angle + excess[p + 1, 1] * swing))
+            store(room, (1, p, j), pull * short + torque)
         place, speed = load(position, (0, j)), load(rate, (0, j))
         drag, push = pushed(whole, system, across, along)
         force += push
         yielding = (force - system.stiffness * place - drag * speed) / (whole - light)
-        own = (force + light * yielding) * (1.0 / whole)
-        store(work.known, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
+        store(work.known, (now, 0, j), (force + light * yielding) * (1.0 / whole))
         for p in range(count):
             store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * yielding)
 
@@ -121,7 +117,7 @@ def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) ->
 @registered("remainder", ReducedBeam)
 @kernel
 def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: int) -> None:
-    position, rate, excess, room = work.position, work.rate, work.excess, work.room
+    position, rate, room = work.position, work.rate, work.room
     count, drive, coupling = system.detuning.size, system.drive, 2.0 * system.coupling
     drag = 2.0 * system.beam_damping
     for j in range(0, NODES, LANES):
@@ -133,11 +129,10 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
             force += coupling * (swing * swing + y * torque - (1.0 + system.detuning[p]) * square)
             light += coupling * square
             store(room, (0, p, j), y)
-            store(room, (1, p, j), torque + (excess[p + 1, 0] * y + excess[p + 1, 1] * swing))
+            store(room, (1, p, j), torque)
         place, speed = load(position, (0, j)), load(rate, (0, j))
         beam = (force - drag * speed - 4.0 * place) / positive(1.0 - light)
-        own = force + light * beam
-        store(work.known, (now, 0, j), own + (excess[0, 0] * place + excess[0, 1] * speed))
+        store(work.known, (now, 0, j), force + light * beam)
         for p in range(count):
             store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * beam)
 
@@ -145,7 +140,7 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
 @registered("remainder", Metronomes)
 @kernel
 def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now: int) -> None:
-    position, rate, excess, room = work.position, work.rate, work.excess, work.room
+    position, rate, room = work.position, work.rate, work.room
     count, coupling, gravity = system.natural_frequency.size, system.coupling, system.gravity
     for j in range(0, NODES, LANES):
         force, light = wide(0.0), wide(0.0)
@@ -158,17 +153,10 @@ def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now
             force += cosine * (torque - square * sine) - sine * (swing * swing)
             light += coupling * (cosine * cosine)
             store(room, (0, p, j), cosine)
-            store(room, (1, p, j), square * short + torque + (excess[p, 0] * angle + excess[p, 1] * swing))
+            store(room, (1, p, j), square * short + torque)
         board = coupling * force / positive(1.0 - light)
         for p in range(count):
             store(work.known, (now, p, j), load(room, (1, p, j)) + load(room, (0, p, j)) * board)
-
-
-def excess_of(parts: Exact, square: Floats, loss: Floats) -> Floats:
-    """What a carried linear part has more than the system's own, (components, 2)."""
-    carried = [(Fraction(float(s)), Fraction(float(g))) for s, g in zip(square, loss, strict=True)]
-    more = [(float(s - own), float(g - lost)) for (s, g), (own, lost) in zip(carried, parts, strict=True)]
-    return np.array(more)
 
 
 def mirror_of(system: Any, components: int) -> Floats:

@@ -27,7 +27,7 @@ from flint import acb, arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, total
+from synth.kernels.lanes import LANES, load, store, total, wide
 from synth.phase import Floats, Integers
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
@@ -89,15 +89,6 @@ def weights(
     end = np.concatenate([leading, (last - leading).astype(np.float64)])
     worth = length * min(length / 2, 1.0 / max(math.sqrt(abs(float(square))), 1e-300))
     return Weights(flow.ravel(), inner.ravel(), end.ravel(), np.array(exact), worth)
-
-
-def aligned(values: Floats) -> Floats:
-    """A contiguous copy that begins at a cache line: loads of eight doubles then touch one line each."""
-    room = np.empty(values.size + 8)
-    skip = -(room.ctypes.data // 8) % 8
-    result = room[skip : skip + values.size].reshape(values.shape)
-    result[...] = values
-    return result
 
 
 @functools.cache
@@ -227,6 +218,24 @@ def turned(angle: Any) -> Any:
     top = 1 / 6402373705728000 + s * (-1 / 2432902008176640000)
     fall = s * (low + (q * q) * (high + (q * q) * top))
     return sign * (h - rest), sign * (1.0 - fall), (angle - sign * h) + sign * rest, (1.0 - sign) + sign * fall
+
+
+@kernel
+def couple(
+    matrix: Floats, place: int, known: Floats, now: int, c: int, base: Floats, begin: int, out: Floats
+) -> None:  # fmt: skip
+    """Values at the nodes: `base` from `begin` on, and weights from `place` on times the remainder."""
+    first, second = load(base, (c, begin)), load(base, (c, begin + LANES))
+    third, fourth = wide(0.0), wide(0.0)  # more chains of additions, which run side by side
+    for k in range(NODES // 2):
+        value, row = known[now, c, k], place + k * NODES
+        first += load(matrix, (c, row)) * value
+        second += load(matrix, (c, row + LANES)) * value
+        value, row = known[now, c, k + NODES // 2], row + NODES * NODES // 2
+        third += load(matrix, (c, row)) * value
+        fourth += load(matrix, (c, row + LANES)) * value
+    store(out, (c, 0), first + third)
+    store(out, (c, LANES), second + fourth)
 
 
 @kernel

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synth.kernels.collocation import NODES, POINTS, advance, change, last_terms, turned
+from synth.kernels.collocation import NODES, POINTS, advance, change, couple, last_terms, turned
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, store, total, wide
+from synth.kernels.lanes import LANES, load, store, total
 from synth.phase import Floats
 
 _MOST_TURNS = 20  # iterations after which an interval counts as too long
@@ -69,7 +69,7 @@ def march(
     for i in range(intervals):
         for p in range(pendulums):
             _free(flow, steady, p, i, state[p, 0], state[p, 2], base)
-            _couple(guess, known, now, p, base, theta)
+            couple(guess, 0, known, now, p, base, 0, theta)
         turns = 0
         agree = False
         while not agree:
@@ -78,10 +78,7 @@ def march(
             turns += 1
             now = 1 - now
             for p in range(pendulums):
-                if linear:
-                    remainder_linear(theta, vertical, drive, p, i, known, now)
-                else:
-                    remainder_sine(theta, vertical, horizontal, drive, p, i, known, now)
+                remainder_of(linear, theta, vertical, horizontal, drive, p, i, known, now)
             if turns >= unchecked or turns == 2:  # the second tells whether iteration runs away
                 agree = True
                 for p in range(pendulums):
@@ -91,7 +88,7 @@ def march(
                         return i
                     agree &= not step > limit
             for p in range(pendulums):
-                _couple(inner, known, now, p, base, theta)
+                couple(inner, 0, known, now, p, base, 0, theta)
         unchecked = max(turns - 1, 1)
         for p in range(pendulums):
             report[p, 3] = max(report[p, 3], state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2])
@@ -120,21 +117,6 @@ def _free(flow: Floats, steady: Floats, p: int, i: int, angle: float, speed: flo
 
 
 @kernel
-def _couple(matrix: Floats, known: Floats, now: int, p: int, base: Floats, out: Floats) -> None:
-    first, second = load(base, (p, 0)), load(base, (p, LANES))
-    third, fourth = wide(0.0), wide(0.0)  # more chains of additions, which run side by side
-    for k in range(NODES // 2):
-        value, row = known[now, p, k], k * NODES
-        first += load(matrix, (p, row)) * value
-        second += load(matrix, (p, row + LANES)) * value
-        value, row = known[now, p, k + NODES // 2], row + NODES * NODES // 2
-        third += load(matrix, (p, row)) * value
-        fourth += load(matrix, (p, row + LANES)) * value
-    store(out, (p, 0), first + third)
-    store(out, (p, LANES), second + fourth)
-
-
-@kernel
 def _note(tail: Floats, known: Floats, now: int, p: int, report: Floats) -> None:
     """Raise the report by the Legendre tail and the size of the remainder."""
     last, before = last_terms(tail, known, now, p)
@@ -144,21 +126,19 @@ def _note(tail: Floats, known: Floats, now: int, p: int, report: Floats) -> None
 
 
 @kernel
-def remainder_sine(
-    theta: Floats, vertical: Floats, horizontal: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
+def remainder_of(
+    linear: bool, theta: Floats, vertical: Floats, horizontal: Floats, drive: Floats, p: int, i: int, known: Floats,
+    now: int,
 ) -> None:  # fmt: skip
-    """r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive: the pendulum itself, at any angle."""
+    """r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive: the pendulum itself, at any angle.
+
+    Of the linear law, which the support's horizontal acceleration does not change, r = -zeta theta - drive.
+    """
     for j in range(0, NODES, LANES):
-        sine, _, short, rise = turned(load(theta, (p, j)))
-        pull = short - load(vertical, (i, j)) * sine + load(horizontal, (i, j)) * rise
+        angle, heave = load(theta, (p, j)), load(vertical, (i, j))
+        if linear:
+            pull = -(heave * angle)
+        else:
+            sine, _, short, rise = turned(angle)
+            pull = short - heave * sine + load(horizontal, (i, j)) * rise
         store(known, (now, p, j), pull - load(drive, (i, j)))
-
-
-@kernel
-def remainder_linear(
-    theta: Floats, vertical: Floats, drive: Floats, p: int, i: int, known: Floats, now: int
-) -> None:  # fmt: skip
-    """r = -zeta theta - drive: the linear law, which the support's horizontal acceleration does not change."""
-    for j in range(0, NODES, LANES):
-        felt = load(vertical, (i, j)) * load(theta, (p, j))
-        store(known, (now, p, j), -felt - load(drive, (i, j)))

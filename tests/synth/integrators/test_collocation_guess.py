@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from synth.integrators.collocation_march import ORDERS, best, guess, remember
-from synth.kernels.collocation import FINE, NODES, aligned, continuation, gauss_nodes
+from synth.kernels.collocation import FINE, NODES, continuation, gauss_nodes
 from synth.phase import Floats
 
 NODE = (1.0 + gauss_nodes() / FINE) / 2.0
 MIRROR = np.array([1.0, -1.0])
-CONTINUATION = aligned(continuation().T.reshape(1, -1))
+CONTINUATION = continuation().T.reshape(1, -1)
 
 
 def remainder(interval: int, lag: int, degree: int) -> Floats:

@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.kernels.collocation import FINE, NODES, aligned, gauss_nodes, turned, weights
+from synth.kernels.collocation import FINE, NODES, gauss_nodes, turned, weights
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import LANES, load, positive, store, total, wide
 from synth.phase import Floats
@@ -65,14 +65,6 @@ def test_answers_to_powers_of_time(square: float, loss: float, interval: float, 
                 found = (made.inner.reshape(2, NODES, NODES)[:, :, kept].T.T @ forcing).tolist()
             # rounding of 16 weights of alternating sign
             assert found == pytest.approx([answer(0), answer(1)], rel=1e-13, abs=1e-16)
-
-
-def test_aligned_copies_begin_a_cache_line() -> None:
-    values = np.arange(30.0).reshape(3, 10)
-    for _ in range(5):
-        copy = aligned(values)
-        assert copy.ctypes.data % 64 == 0
-        np.testing.assert_array_equal(copy, values)
 
 
 @kernel

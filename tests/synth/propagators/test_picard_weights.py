@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from synth.kernels.collocation import FINE, NODES, Weights, gauss_nodes, interpolation, legendre_tail, weights
-from synth.kernels.picard import remainder_sine
+from synth.kernels.picard import remainder_of
 
 CASES = [
     (6.21, 0.01, Fraction(1, 2)),
@@ -106,7 +106,7 @@ def test_remainder(largest: float) -> None:
     theta = chance.uniform(-largest, largest, (1, NODES))
     zeta, u, drive = chance.uniform(-0.5, 0.5, (3, 1, NODES))
     known = np.zeros((2, 1, NODES))
-    remainder_sine(theta, zeta, u, drive, 0, 0, known, 1)
+    remainder_of(False, theta, zeta, u, drive, 0, 0, known, 1)
     for j in range(NODES):
         with mpmath.workdps(40):
             x = mpmath.mpf(theta[0, j])

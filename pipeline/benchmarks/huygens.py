@@ -139,7 +139,7 @@ def lock_map(size: int, folder: Path | None) -> tuple[Floats, Floats, list[Row]]
     """
     taus, chis = np.linspace(*TAUS, size), np.linspace(0.0, MOST_CHI, size + 1)[1:]
     rows = []
-    for tau in progress(taus.tolist(), "lock map", size):
+    for tau in progress(taus.tolist(), "lock map"):
         configuration = {"map": "lock", "clocks": _pair(tau), "chi": chis.tolist(), "swings": SWINGS}
         rows += kept(folder, configuration, partial(_map_row, tau, chis))
     return chis, taus, rows

@@ -16,7 +16,7 @@ import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -55,17 +55,6 @@ QUICK_TOLERANCES = (1e-6, 1e-9, 1e-12)
 REPEATS = 5
 ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
 LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
-
-
-class Peer(NamedTuple):
-    """A way to call a library: its name to import, and (problem, tolerance) -> call, compiling done.
-
-    `stiff`: sensible for stiff problems alone, for others alone, or for both (None).
-    """
-
-    library: str
-    make: Make
-    stiff: bool | None
 
 
 def heyoka(problem: Problem, tolerance: float) -> Call:
@@ -156,13 +145,15 @@ def cvode(problem: Problem, tolerance: float) -> Call:
     return call
 
 
-PEERS: Mapping[str, Peer] = {
-    "heyoka": Peer("heyoka", heyoka, None),
-    "CyRK DOP853": Peer("CyRK", partial(cyrk, method="DOP853"), False),
-    "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
-    "scipy DOP853": Peer("scipy", scipy, False),
-    "CVODE BDF": Peer("sksundae", cvode, True),
-}  # All of them, by the names under which rows and pictures show them
+PEERS: Mapping[str, tuple[Make, bool | None]] = {
+    "heyoka": (heyoka, None),
+    "CyRK DOP853": (partial(cyrk, method="DOP853"), False),
+    "CyRK RADAU": (partial(cyrk, method="RADAU"), True),
+    "scipy DOP853": (scipy, False),
+    "CVODE BDF": (cvode, True),
+}
+"""All of them, by the names under which rows and pictures show them: (problem, tolerance) -> call, compiling done; and
+whether sensible for stiff problems alone, for others alone, or for both (None)."""
 LOOKS: Mapping[str, tuple[str, str]] = {
     **{name: (colour, "o") for name, colour in zip(OWN, (BLUE, GREEN, ORANGE, VERMILION, PURPLE), strict=True)},
     "heyoka": ("#000000", "D"), "CyRK DOP853": (GREY, "s"), "CyRK RADAU": (GREY, "s"),
@@ -191,13 +182,12 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 
 def contenders(problem: Problem) -> tuple[str, ...]:
     """Names of all propagators, and of the peers that are sensible for the problem."""
-    return (*OWN, *(name for name, peer in PEERS.items() if peer.stiff in (None, problem.stiff)))
+    return (*OWN, *(name for name, (_, stiff) in PEERS.items() if stiff in (None, problem.stiff)))
 
 
 def set_up(problem: Problem, method: str, tolerance: float) -> Call:
     """A call of a propagator or a peer, by name; `RefusedError` for no such problem, `ImportError` if not installed."""
-    make = OWN[method] if method in OWN else PEERS[method].make
-    return make(problem, tolerance)
+    return (OWN[method] if method in OWN else PEERS[method][0])(problem, tolerance)
 
 
 def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:

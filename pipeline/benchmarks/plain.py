@@ -73,11 +73,6 @@ def line(random: np.random.Generator, frequency: float, across: float, along: fl
     return Motion(np.array([2.0 * math.pi * frequency]), across * phases[:1], along * phases[1:])
 
 
-def total(parts: list[Motion]) -> Motion:
-    """All harmonics of several motions."""
-    return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
 def at(times: Floats, rate: Floats, amplitude: Complexes) -> Floats:
     """The acceleration at given times."""
     out = np.zeros(times.size)

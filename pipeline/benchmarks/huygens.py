@@ -22,7 +22,7 @@ from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope, stability
 from synth.huygens.orbit import orbit
-from synth.huygens.paper import COUPLING, DAMPING, Chain, corrected, printed
+from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
 from synth.integrators.collocation import integrate_ensemble
 
 LABELS = {"beta": "beta", "q": "q = 2X/l", "tau": "tau", "k": "k = d eta/d chi"}
@@ -69,7 +69,9 @@ def rows(alphas: Sequence[float]) -> list[Row]:
     """One row an alpha and way. Balance and orbit are of the clocks that the corrected chain finds."""
     table = []
     for alpha in alphas:
-        clocks = clocks_of(corrected(alpha, DRIVE))
+        chain = corrected(alpha, DRIVE)  # whose delta0 and delta the clocks have, counted in its own frequency
+        stretch, tau = math.sqrt(1.0 + float(chain.beta)), float(chain.tau)
+        clocks = Clocks(DAMPING / stretch, DRIVE / stretch, COUPLING, (tau, tau))
         regime = nearest(clocks, alpha)
         found, k = orbit(regime, clocks), (slope(regime, clocks, shifts=True), orbit_slope(regime, clocks))
         table += closed(alpha)
@@ -88,13 +90,6 @@ def closed(alpha: float) -> list[Row]:
 
 def _row(way: str, alpha: float, *values: Any) -> Row:
     return {"way": way, "alpha": alpha, **dict(zip(LABELS, map(float, values), strict=True)), "stable": None}
-
-
-def clocks_of(chain: Chain) -> Clocks:
-    """Clocks, equal ones, whose regime has the chain's alpha at the chain's delta0 and delta."""
-    stretch = math.sqrt(1.0 + float(chain.beta))
-    tau = float(chain.tau)
-    return Clocks(DAMPING / stretch, DRIVE / stretch, COUPLING, (tau, tau))
 
 
 def nearest(clocks: Clocks, alpha: float) -> Regime:

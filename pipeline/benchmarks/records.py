@@ -33,16 +33,6 @@ _WAY = 5.0  # m/s, of a ship that turns
 Random = np.random.Generator
 
 
-def sample_times(case: Case, random: Random) -> Floats:
-    """Times of the samples, s: even, jittered or with samples missing."""
-    index = np.arange(int(case.duration * case.rate) + 1)
-    times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
-    times -= times[0]
-    kept = random.random(index.size) >= case.lost
-    kept[[0, -1]] = True
-    return times[kept]
-
-
 def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
     """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
@@ -126,7 +116,12 @@ def of_case(case: Case, random: Random, label: str) -> Made:
     support = plain.Support(*motion, _pulses(case, random), law)
     every = np.ones(case.pendulums)
     own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
-    times = sample_times(case, random)
+    index = np.arange(int(case.duration * case.rate) + 1)
+    times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
+    times -= times[0]
+    kept = random.random(index.size) >= case.lost
+    kept[[0, -1]] = True
+    times = times[kept]
     prompt = times + case.delay  # the world begins before the record, by what a trace may come late
     late = prompt - random.choice([-1, 1]) * case.delay
     both = np.unique(np.concatenate([[0.0], prompt, late]))

@@ -50,12 +50,16 @@ def film_figure(reading: Reading, start: float | None = None, stop: float | None
 
     `UsageError` where the film shows nothing of that time.
     """
-    rows = _rows(reading, start, stop)
+    from pipeline.film.reading import accepted_fraction, share_read
+
+    rows, samples = _rows(reading, start, stop), reading.samples.column
     seconds = reading.axis.seconds
     known = np.flatnonzero(np.isfinite(seconds))
     per_row = float(np.ptp(seconds[known[[0, -1]]]) / np.ptp(known)) if known.size > 1 else 0.0
-    heading = "Film, and what was read of it", _subtitle(reading)
-    figure, strips = _sheet(reading.scan, *heading, rows, _reach(reading, *rows), per_row)
+    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), float(np.isnan(samples).mean()))
+    told = part, f"{reading.marks.size} marks", f"{reading.kind} reading", ", ".join(reading.flags) or "no flags"
+    words = " · ".join([", ".join(path.name for path in reading.scan.paths), *told])
+    figure, strips = _sheet(reading.scan, "Film, and what was read of it", words, rows, _reach(reading, *rows), per_row)
     for axes, strip in strips:
         _draw_traces(axes, reading, strip, known)
         _draw_marks(axes, reading, strip)
@@ -185,16 +189,6 @@ def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
     ticks = ticks[(ticks >= begin) & (ticks <= end)]
     rows = np.interp(ticks, seconds[known], known + strip.first + 0.5)
     axes.set_xticks(rows, [f"{tick:g} s" for tick in ticks])
-
-
-def _subtitle(reading: Reading) -> str:
-    from pipeline.film.reading import accepted_fraction, share_read
-
-    named = ", ".join(path.name for path in reading.scan.paths)
-    raised = ", ".join(reading.flags) or "no flags"
-    missing = float(np.isnan(reading.samples.column).mean())
-    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
-    return f"{named} · {part} · {reading.marks.size} marks · {reading.kind} reading · {raised}"
 
 
 def _legend(figure: Figure, reading: Reading) -> None:

@@ -1,4 +1,4 @@
-"""Suite `huygens`: the paper's regime by every way there is, what locks, and what holds of the paper.
+"""Suite `huygens`: the paper's regime by four ways, what locks, and what holds of the paper.
 
 With a folder: pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished rows of the map, so that a run
 that was interrupted goes on where it stopped.
@@ -179,7 +179,7 @@ def measured_edge(chis: Floats, row: Row) -> float:
 def draw_regime(rows: Sequence[Row], path: Path) -> None:
     """Draw beta (the paper's Fig. 2), q, tau and k over alpha; a line or a mark for each way."""
     words = "delta0 = 0.02, nu = 5.714e-5 as in their Fig. 2 (top left); delta = 0.02; system (2), where it is a saddle"
-    figure = sheet("The synchronous regime of Kanunnikov and Lamper, by every way there is", words, 11.5, 8.4)
+    figure = sheet("The synchronous regime of Kanunnikov and Lamper, by four ways", words, 11.5, 8.4)
     grid = figure.add_gridspec(2, 2)
     for number, (key, label) in enumerate(LABELS.items()):
         axes = panel(figure, grid[number // 2, number % 2], f"{key}(alpha)", "alpha, rad", label)

@@ -228,6 +228,7 @@ def draw_history(lines: Sequence[Row], path: Path) -> None:
         axes.plot(places, ratios, style, color=color_of(number), markersize=4, label=words)
     axes.set_xticks(range(1, len(runs) + 1))
     axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
     if judged:
         legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), labelspacing=0.8)
     save(figure, path)

@@ -212,6 +212,8 @@ def append_history(path: Path, suite: str, rows: Sequence[Row], *, quick: bool) 
 
 def draw_history(lines: Sequence[Row], path: Path) -> None:
     """Draw every bar's ratio over its limit, run after run; above 1 it holds, whichever way the limit is meant."""
+    from matplotlib.ticker import LogLocator
+
     judged = [line for line in lines if line["limit"][:2] in ("<=", ">=")]
     runs = list(dict.fromkeys(line["date"] for line in lines))
     figure = sheet("Ratios of processor times", f"from {runs[0]} to {runs[-1]} · above 1 a bar holds", 14.0, 6.5)
@@ -227,8 +229,9 @@ def draw_history(lines: Sequence[Row], path: Path) -> None:
         )
         axes.plot(places, ratios, style, color=color_of(number), markersize=4, label=words)
     axes.set_xticks(range(1, len(runs) + 1))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.minorticks_off()
     if judged:
         legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), labelspacing=0.8)
     save(figure, path)

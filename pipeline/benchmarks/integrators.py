@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Call, Make, Problem, raced
+from pipeline.benchmarks.problems import CLOSED, OWN, PICARD, Answer, Call, Make, Problem, raced
 from pipeline.benchmarks.references import Reference, reference, taylor
 from pipeline.benchmarks.tables import RATIO, Row, at_least, draws, not_measured, progress, rounds, timed
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
@@ -192,7 +192,7 @@ def set_up(problem: Problem, method: str, tolerance: float) -> Call:
 
 def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
     """What to ask a method for, loosest first."""
-    if method in AS_EXACT_AS_CAN_BE:
+    if method in (CLOSED, PICARD):
         return (math.nan,)
     if method in OWN and problem.stiff:
         return STIFF_TOLERANCES  # a few ms each

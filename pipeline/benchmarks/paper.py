@@ -79,24 +79,21 @@ def _slow_slope(ready: Prepared, envelope: Envelope, first_frequency: float, fre
     seen = ready.observation
     count = seen.time.size
     time = np.linspace(0.0, float(seen.time[-1]), count)
-    swing = _at(envelope, fill(envelope.first), time).real
+    turning = np.exp(1j * envelope.carrier * time)
+    first, difference = (
+        np.interp(time, envelope.time, fill(each)) * turning for each in (envelope.first, envelope.difference)
+    )
     known = np.isfinite(seen.theta)
-    slow = np.interp(time, seen.time[known], seen.theta[known]) - swing
+    slow = np.interp(time, seen.time[known], seen.theta[known]) - first.real
     rate = 2.0 * np.pi * np.fft.rfftfreq(count, float(time[1]))
     inside = rate < SLOW_BAND * frequency
     # the exact identity for one harmonic: d'' + n2^2 d = (1 - r) psi1''
     share, square = 1.0 - (frequency / first_frequency) ** 2, np.where(inside, rate, 0.0) ** 2
     spectrum = np.fft.rfft(slow) * (-share * square / (frequency**2 - square))
     value, speed = np.fft.irfft(spectrum, count), np.fft.irfft(1j * rate * spectrum, count)
-    difference = _at(envelope, fill(envelope.difference), time)
     shift = ((value - 1j * speed / frequency) / difference).imag
     within = (time >= envelope.time[0]) & (time <= envelope.time[-1])
     return regression(time[within], shift[within], np.abs(difference[within]) ** 2)
-
-
-def _at(envelope: Envelope, values: Complexes, time: Floats) -> Complexes:
-    """A harmonic at given times."""
-    return np.asarray(np.interp(time, envelope.time, values) * np.exp(1j * envelope.carrier * time))
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:

@@ -27,7 +27,7 @@ HOUR = 3600  # s
 RATE = 20  # readings a second
 HARMONICS = 33
 HEAVE = 0.07  # m/s^2 of each vertical harmonic: z''/g = 0.03 r.m.s.
-CLOSED, PICARD = "closed form", "Picard collocation"
+CLOSED, PICARD = "closed form", "Picard collocation"  # propagators that take no tolerance
 CLOSED_FORM_ERROR = 1e-15
 
 
@@ -179,4 +179,3 @@ OWN: Mapping[str, Make] = {
     "Radau": partial(_integrator, name="radau"),
     "explicit": partial(_integrator, name="explicit"),
 }  # All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call
-AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)  # propagators that take no tolerance

@@ -80,7 +80,7 @@ def efficiency(count: int) -> Iterator[Row]:
     for words, make in (("linear", scenes.linear), ("real", scenes.real)):
         for rate, bound in zip(RATES, BOUNDS[words], strict=True):
             scene, errors = make(1e-5, noise=1e-4, sampling_rate=rate), []
-            for seed in progress(range(count), f"{words} at {rate} Hz", count):
+            for seed in progress(range(count), f"{words} at {rate} Hz"):
                 drawn = int(np.random.default_rng([seed, 1958]).integers(2**31))
                 row = reduced(scenes.made(scene.model_copy(update={"seed": drawn})), "auto")
                 errors.append(math.inf if row["refused"] else row["error_mgal"])

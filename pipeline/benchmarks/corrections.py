@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made, record
@@ -28,16 +28,12 @@ from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMIL
 from pipeline.processing import process
 from synth import simulate
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 SWELLS = (24, 25, 26, 27, 28, 29)  # seeds of the swell; the records that are shown have the first
 METHODS = (*PAIR_METHODS, "joint")
 HONEST = {"general": 0.1, "shooting": 0.005, "joint": 0.005}
 """Methods that reduce what acts on real pendulums, and what is promised of them without noise, mGal, of which no sigma
 speaks."""
 SIGMAS = 5.0
-REPEATS = 3  # timed runs of each method in a full run
 MARKS: Mapping[str, tuple[str, str]] = {
     "uncorrected": (SKY, "v"), "vening-meinesz": (VERMILION, "^"), "panteleev": (ORANGE, "s"), "general": (BLUE, "D"),
     "complex": (PURPLE, "P"), "projection": (GREEN, "X"), "shooting": ("#000000", "o"), "joint": ("#8c510a", "H"),
@@ -96,14 +92,13 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
     """Yield a row a kind of record (error of each method, mGal), a row a refusal with its reason, and a row a method
     (CPU time and errors over all records).
 
-    Quick: shorter records of real pendulums, each method timed once.
+    Quick: shorter records of real pendulums.
     """
-    repeats = 1 if quick else REPEATS
     points: list[Row] = []
-    chosen = kinds(quick=quick)
-    for kind in progress(chosen, "corrections", len(chosen)):
-        rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, repeats, folder)]
-        others = [measured(kind, seed, tuple(kind.wrong), 1, folder) for seed in SWELLS[1:]] if kind.wrong else []
+    for kind in progress(kinds(quick=quick), "corrections"):
+        rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, folder)]
+        seeds = SWELLS[1:] if kind.wrong else ()
+        others = [row for seed in seeds for row in measured(kind, seed, tuple(kind.wrong), folder)]
         points += rows
         yield judged(kind, rows, others)
     yield from ({key: row[key] for key in ("case", "method", "refused")} for row in points if row["refused"])
@@ -114,23 +109,22 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
             draw(points, folder / "corrections.png")
 
 
-def measured(kind: Kind, seed: int, methods: Sequence[str], repeats: int, folder: Path | None) -> list[Row]:
+def measured(kind: Kind, seed: int, methods: Sequence[str], folder: Path | None) -> list[Row]:
     """Error against truth, sigma, CPU time from record to result of each method, or why it declined."""
 
     def make() -> list[Row]:
         made = kind.record(seed)
-        return [_timed(made, name, repeats) for name in methods]
+        return [_timed(made, name) for name in methods]
 
-    what = {"suite": "corrections", "kind": kind.name, "seed": seed, "repeats": repeats, "methods": list(methods)}
+    what = {"suite": "corrections", "kind": kind.name, "seed": seed, "methods": list(methods)}
     return kept(folder, what, make)
 
 
-def _timed(made: Made, name: str, repeats: int) -> Row:
+def _timed(made: Made, name: str) -> Row:
     _compile(name)
-    runs = [reduced(made, name) for _ in range(repeats)]
-    taken = math.nan if runs[0]["refused"] else 1e3 * statistics.median(each["seconds"] for each in runs)
-    told = {key: runs[0][key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")}
-    return {"method": name, "ms": taken} | told
+    row = reduced(made, name)
+    told = {key: row[key] for key in ("error_mgal", "sigma_mgal", "flags", "refused")}
+    return {"method": name, "ms": math.nan if row["refused"] else 1e3 * row["seconds"]} | told
 
 
 @functools.cache
@@ -139,7 +133,7 @@ def _compile(name: str) -> None:
     process(simulate(real_heave(duration=300.0))[0], method=name)
 
 
-def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> Row:
+def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Row]) -> Row:
     """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
 
     `rows` are of the record that is shown, one a method; `others` of records in other swells, by the methods that must
@@ -147,12 +141,11 @@ def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> 
     """
     errors = {row["method"]: row["error_mgal"] for row in rows}
     silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
-    spread = {name: [errors[name]] for name in kind.wrong}
-    for row in (row for rows_of_one in others for row in rows_of_one):
-        spread[row["method"]].append(row["error_mgal"])
+    every = [*rows, *others]
+    spread = {name: rms([row["error_mgal"] for row in every if row["method"] == name]) for name in kind.wrong}
     pattern = (
         all(abs(errors[name]) <= limit for name, limit in kind.right.items())
-        and all(rms(spread[name]) >= limit for name, limit in kind.wrong.items())
+        and all(spread[name] >= limit for name, limit in kind.wrong.items())
         and (kind.real or all(math.isfinite(error) or name in kind.refused for name, error in errors.items()))
     )
     return {"case": kind.name, **errors, "silently_wrong": " ".join(silent), "pass": pattern and not silent}
@@ -182,21 +175,17 @@ def draw(points: Sequence[Row], path: Path) -> None:
     figure = sheet("What each method leaves, and what it costs", words, 14.5, 6.2)
     grid = figure.add_gridspec(1, 2)
     for place, (title, linear) in enumerate((("linear pendulums", True), ("real pendulums", False))):
-        rows = [row for row in points if not row["refused"] and row["case"].startswith("linear") == linear]
         axes = panel(figure, grid[place], title, "run time, ms", "|error|, mGal", xscale="log", yscale="log")
-        _draw_points(axes, rows)
+        axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
+        for method, (colour, mark) in MARKS.items():
+            rows = [row for row in points if row["method"] == method and not row["refused"]]
+            rows = [row for row in rows if row["case"].startswith("linear") == linear]
+            times, errors = [row["ms"] for row in rows], [max(abs(row["error_mgal"]), FLOOR) for row in rows]
+            axes.plot(times, errors, mark, color=colour, markersize=4.0, alpha=0.4, markeredgewidth=0)
+            if rows:
+                time, error = statistics.median(times), statistics.median(errors)
+                look: Any = {"color": colour, "markersize": 11, "markeredgecolor": "white", "zorder": 4}
+                axes.plot(time, error, mark, label=f"{method}  {time:.0f} ms, {error:.2g} mGal", **look)
+        axes.set_ylim(FLOOR / 3, TOP)
+        legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), title="medians", labelspacing=1.0)
     save(figure, path)
-
-
-def _draw_points(axes: Axes, rows: Sequence[Row]) -> None:
-    for method, (colour, mark) in MARKS.items():
-        some = [row for row in rows if row["method"] == method]
-        times, errors = [row["ms"] for row in some], [max(abs(row["error_mgal"]), FLOOR) for row in some]
-        axes.plot(times, errors, mark, color=colour, markersize=4.0, alpha=0.4, markeredgewidth=0)
-        if some:
-            middle = statistics.median(times), statistics.median(errors)
-            words = f"{method}  {middle[0]:.0f} ms, {middle[1]:.2g} mGal"
-            axes.plot(*middle, mark, color=colour, label=words, markersize=11, markeredgecolor="white", zorder=4)
-    axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--", zorder=1)
-    axes.set_ylim(FLOOR / 3, TOP)
-    legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), title="medians", labelspacing=1.0)

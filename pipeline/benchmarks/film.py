@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import statistics
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,9 +19,9 @@ import synth
 from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_recording import Dimming, Film, Stretch
-from pipeline.benchmarks.film_scores import Truth, order, own_reading, places, readings
+from pipeline.benchmarks.film_scores import Truth, own_reading, peers
 from pipeline.benchmarks.tables import Row, at_least, at_most, draws, holds, not_measured, progress
-from pipeline.film.digitise import digitise, open_film
+from pipeline.film.digitise import digitise
 from pipeline.gravity import MGAL
 from pipeline.plots.canvas import PALETTE, panel, save, sheet
 from pipeline.processing import process
@@ -34,10 +33,10 @@ MOST_WRONG = 1e-4
 _LEAST_READ = 0.5  # of the rows; a film of which less is read counts as not read
 _SECONDS, _QUICK_SECONDS, _WARM_SECONDS = 300.0, 130.0, 70.0
 
-NOTHING: dict[str, Any] = {
+NOTHING: Row = {
     "normal_px": math.nan, "flat_px": math.nan, "accepted": 0.0, "wrong_unflagged": 0.0, "amplitude_bias": math.nan,
-    "crossings": 0, "swaps": 0, "flagged": math.nan, "single": math.nan, "mark_px": math.nan, "time_ms": math.nan,
-    "slipped": math.nan,
+    "crossings": 0, "swaps": 0,
+    **dict.fromkeys(("flagged", "single", "mark_px", "time_ms", "slipped", "mpx_s"), math.nan),
 }  # fmt: skip
 """Scores of a film that was refused."""
 
@@ -81,21 +80,13 @@ def rows_of(case: Case, path: Path) -> Iterator[Row]:
     """Rows of one film: the project's reading, then its peers."""
     truth = _exposed(case.film, path, case.scene)
     named = {"axis": case.axis, "value": case.value}
-    megapixels = truth.column.shape[1] * round(case.film.paper_width * case.film.dpi / 25.4) / 1e6
-    started = time.process_time()
     try:
-        found = own_reading(path, truth, case.film.mark_interval)
-        scores, refusal, spent = found.scores, "", found.seconds
+        scores, refusal = own_reading(path, truth, case.film.mark_interval), ""
     except IsochronyError as fault:
-        scores, refusal, spent = NOTHING, str(fault), time.process_time() - started
-    yield {**named, "reader": "isochrony", **scores, "mpx_s": megapixels / spent, "refused": refusal}
-    scan, _ = open_film(path)
-    started = time.process_time()
-    for name, position in readings(scan, truth):
-        spent = time.process_time() - started
-        scored = places(position[order(position, truth)], None, truth)
-        yield {**named, "reader": name, **NOTHING, **scored, "mpx_s": megapixels / spent, "refused": ""}
-        started = time.process_time()
+        scores, refusal = {}, str(fault)
+    yield named | {"reader": "isochrony"} | NOTHING | scores | {"refused": refusal}
+    for name, scores in peers(path, truth):
+        yield named | {"reader": name} | NOTHING | scores | {"refused": ""}
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
@@ -175,7 +166,7 @@ def hard(path: Path) -> Iterator[Row]:
     for name, film in progress(hard_films(HARD_SECONDS).items(), "hard films"):
         truth = _exposed(film, path, scene(HARD_SECONDS))
         try:
-            scores = own_reading(path, truth, film.mark_interval).scores
+            scores = own_reading(path, truth, film.mark_interval)
         except IsochronyError:
             yield holds(f"{name}: refused", True, "read or refused")
             continue
@@ -212,15 +203,15 @@ def _accuracy(path: Path) -> Iterator[Row]:
     ):
         truth = _exposed(film, path, scene(HALF_HOUR))
         try:
-            found = own_reading(path, truth, film.mark_interval)
+            scores = own_reading(path, truth, film.mark_interval)
         except IsochronyError as fault:
             yield holds(f"{words}: read ({fault})", False, "read")
             continue
-        speeds.append(found.reading.scan.rows * found.reading.scan.columns / 1e6 / found.seconds)
+        speeds.append(scores["mpx_s"])
         for what, score, limit, unit in _LIMITS:
-            yield at_most(f"{words}: {what}", abs(found.scores[score]), limit, unit)
-        yield at_least(f"{words}: slices accepted", found.scores["accepted"], accepted)
-        yield at_least(f"{words}: crossings met", found.scores["crossings"], crossed)
+            yield at_most(f"{words}: {what}", abs(scores[score]), limit, unit)
+        yield at_least(f"{words}: slices accepted", scores["accepted"], accepted)
+        yield at_least(f"{words}: crossings met", scores["crossings"], crossed)
     speed = statistics.median(speeds) if speeds else math.nan
     yield at_least("speed of all of digitise, one core", speed, 12.0, "Mpx per CPU second")
 

@@ -6,22 +6,21 @@ reader is not: within which columns each trace stays.
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import os
 import time
 from collections.abc import Iterator
+from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
-from pipeline.benchmarks.tables import Row, rms
-from pipeline.film.digitise import read
-from pipeline.film.reading import Reading
+from pipeline.benchmarks.tables import Row, rms, timed
+from pipeline.film.digitise import open_film, read
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,7 +34,6 @@ _NOT_READ = ELONGATION_FLAGS["lost"] | ELONGATION_FLAGS["ambiguous"]
 Flags = NDArray[np.bool_]
 _STRIP = 1024
 _BESIDE = 10  # px beyond the outermost places of a trace
-_CHEAP = 0.001  # of a line's light, on blank film
 _NOISES = 4.0  # sigmas of the ground above which a pixel counts
 
 
@@ -80,15 +78,15 @@ def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
     silent = read if flagged is None else read & ~flagged
     flat = read & (np.abs(slope) < _FLAT)
     crossed, swapped = crossings(position, column)
-    wrong = ratio((np.abs(error[silent]) > WRONG).sum(), lit.sum())
-    accuracy = {"normal_px": rms(error[read]), "flat_px": rms(error[flat]), "accepted": ratio(read.sum(), lit.sum())}
+    wrong = share(silent & (np.abs(error) > WRONG), lit)
+    accuracy = {"normal_px": rms(error[read]), "flat_px": rms(error[flat]), "accepted": share(read, lit)}
     more = {"wrong_unflagged": wrong, "amplitude_bias": bias(position, column, read)}
     return {**accuracy, **more, "crossings": crossed, "swaps": swapped}
 
 
-def ratio(part: Any, whole: Any) -> float:
-    """A part of a whole; NaN of nothing."""
-    return float(part) / float(whole) if whole else math.nan
+def share(which: Flags, lit: Flags) -> float:
+    """Of the rows that a trace was written on."""
+    return float(np.mean(which[lit]))
 
 
 def bias(position: Floats, column: Floats, read: Flags) -> float:
@@ -137,44 +135,35 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
     return rms(error[np.isfinite(error)])
 
 
-class OwnReading(NamedTuple):
-    """A reading, its scores, CPU s."""
-
-    reading: Reading
-    scores: Row
-    seconds: float
-
-
-def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> OwnReading:
-    """Read a film as `digitise` does, with its description beside it, and score it.
+def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> Row:
+    """Scores of a film read as `digitise` does, with its description beside it; and Mpx a CPU second.
 
     A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
     whole marks. One that shifts on the way has slipped.
 
     `IsochronyError` where it declines.
     """
-    started = time.process_time()
-    found, _ = read(path)
-    spent = time.process_time() - started
+    (found, _), spent = timed(partial(read, path))
     names = order(found.tracks.position, truth)
     qc, lit = found.tracks.qc[names], np.isfinite(truth.column)
-    scores = places(found.tracks.position[names], (qc & _DOUBT) != 0, truth)
     shift, error, worst = timing(found.axis.seconds, truth, interval)
-    scores |= {
-        "flagged": ratio((((qc & _NOT_READ) != 0) & lit).sum(), lit.sum()),
-        "single": ratio((((qc & ELONGATION_FLAGS["single_direction"]) != 0) & lit).sum(), lit.sum()),
+    return places(found.tracks.position[names], (qc & _DOUBT) != 0, truth) | {
+        "flagged": share((qc & _NOT_READ) != 0, lit),
+        "single": share((qc & ELONGATION_FLAGS["single_direction"]) != 0, lit),
         "mark_px": marks(found.axis.index, found.axis.row_of_trace[names], shift, interval, truth),
         "time_ms": 1e3 * error,
         "slipped": float(not worst < 0.5 * interval),
+        "mpx_s": found.scan.rows * found.scan.columns / 1e6 / spent,
     }
-    return OwnReading(found, scores, spent)
 
 
-def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
-    """Every peer's name and the columns it reads, (traces, rows) px."""
+def peers(path: str | os.PathLike[str], truth: Truth) -> Iterator[tuple[str, Row]]:
+    """Every peer's name, and scores of the columns it reads."""
     ends = [(int(np.nanmin(line)) - _BESIDE, int(np.nanmax(line)) + _BESIDE) for line in truth.column]
+    scan, _ = open_film(path)
     windows = [slice(max(0, first), min(scan.columns, last)) for first, last in ends]
     for name, reader in (("column argmax", _darkest), ("centroid", _centroid)):
+        started = time.process_time()
         position = np.full((len(windows), scan.rows), np.nan)
         for first in range(0, scan.rows, _STRIP):
             part = slice(first, min(first + _STRIP, scan.rows))
@@ -182,23 +171,8 @@ def readings(scan: Any, truth: Truth) -> Iterator[tuple[str, Floats]]:
             light = np.median(pixels, axis=1, keepdims=True) - pixels  # darker than the usual of its row
             for k, window in enumerate(windows):
                 position[k, part] = window.start + reader(light[:, window])
-        yield name, position
-    if importlib.util.find_spec("skimage") is not None:
-        yield "cheapest path", np.stack([_cheapest_path(scan, window) for window in windows])
-
-
-def _cheapest_path(scan: Any, window: slice) -> Floats:
-    """Columns of the cheapest way along the film, by scikit-image's `route_through_array`, which holds it whole."""
-    from skimage import graph
-
-    route: Any = graph.route_through_array
-    pixels = scan.read(0, scan.rows)[:, window].astype(np.float64)
-    light = np.clip(np.median(pixels, axis=1, keepdims=True) - pixels, 0.0, None)
-    # blank film is made so dear that the way does not cut a swing's corners
-    cost = 1.0 / (light / max(float(np.quantile(light, 0.999)), 1.0) + _CHEAP) ** 2
-    ends = [(0, int(np.argmin(cost[0]))), (scan.rows - 1, int(np.argmin(cost[-1])))]
-    row, column = np.array(route(cost, *ends)[0]).T
-    return np.asarray(window.start + 0.5 + np.bincount(row, column, scan.rows) / np.bincount(row, minlength=scan.rows))
+        speed = scan.rows * scan.columns / 1e6 / (time.process_time() - started)
+        yield name, places(position[order(position, truth)], None, truth) | {"mpx_s": speed}
 
 
 def _darkest(light: Floats) -> Floats:

@@ -6,7 +6,6 @@ interrupted goes on where it stopped.
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -20,7 +19,7 @@ from pipeline.benchmarks.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
 from pipeline.benchmarks.plain import gravity_at
 from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.tables import Row, at_most, kept, progress, rms, write
-from pipeline.plots.canvas import GREY, save, sheet
+from pipeline.plots.canvas import save, sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +41,6 @@ _STEPS = (
 _REFUSED = "#dcdcdc"
 GROUPS = {"sea": SEA, "instrument": INSTRUMENT}
 _HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
-_ROW, _CELL, _LABEL, _MARGIN = 0.215, 1.42, 2.35, 1.75  # inches
 
 
 def reduced(made: Made, method: str) -> Row:
@@ -91,16 +89,16 @@ def _band(result: DataTree, made: Made) -> float:
 
 def by_kind(rows: Sequence[Row]) -> list[Row]:
     """One row for each method, kind and strength."""
+    cells: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        cells.setdefault((row["method"], row["kind"], row["strength"]), []).append(row)
     table = []
-    for method, (group, kinds) in itertools.product(dict.fromkeys(row["method"] for row in rows), GROUPS.items()):
-        for kind, strength in itertools.product(kinds, STRENGTHS):
-            some = [row for row in rows if (row["method"], row["kind"], row["strength"]) == (method, kind, strength)]
-            if some:
-                seconds = float(np.median([row["seconds"] for row in some]))
-                flags = " ".join(dict.fromkeys(flag for row in some for flag in row["flags"].split()))
-                cell = {"method": method, "group": group, "kind": kind, "strength": strength}
-                table.append(cell | statistics(some) | {"seconds": seconds, "flags": flags})
-    return table
+    for (method, kind, strength), some in cells.items():
+        group = "sea" if kind in SEA else "instrument"
+        flags = " ".join(dict.fromkeys(flag for row in some for flag in row["flags"].split()))
+        cell = {"method": method, "group": group, "kind": kind, "strength": strength} | statistics(some)
+        table.append(cell | {"seconds": float(np.median([row["seconds"] for row in some])), "flags": flags})
+    return sorted(table, key=lambda row: row["method"])
 
 
 def by_strength(rows: Sequence[Row]) -> list[Row]:
@@ -191,28 +189,24 @@ def _one(kind: str, strength: str, seed: int, methods: Sequence[str], folder: Pa
 
 
 def draw(table: Sequence[Row], method: str, path: Path) -> None:
-    """Draw the table (rows of `by_kind`) of one method, named in the heading, as PNG."""
+    """Draw the table (rows of `by_kind`) of one method, named in the heading, as PNG: two columns of kinds."""
     from matplotlib.patches import Patch
 
     lines: list[str] = []
     for group, heading in _HEADINGS.items():
-        kinds = list(dict.fromkeys(row["kind"] for row in table if row["group"] == group))
+        kinds = dict.fromkeys(row["kind"] for row in table if row["group"] == group)
         lines += [heading, *kinds] if kinds else []
     half = (len(lines) + 1) // 2
-    columns = [part for part in (lines[:half], lines[half:]) if part]
     records = max(row["records"] for row in table)
     words = f"in each cell: median sigma in mGal, and z, the largest |error|/sigma; records a cell: {records}"
-    size = len(columns) * (_LABEL + len(STRENGTHS) * _CELL) + 0.3, half * _ROW + _MARGIN
-    figure = sheet(f"Whether the stated uncertainty holds: {method}", words, *size)
-    grid = figure.add_gridspec(2, len(columns), height_ratios=[half * _ROW, 0.3])
+    figure = sheet(f"Whether the stated uncertainty holds: {method}", words, 13.5, 0.215 * half + 1.75)
+    grid = figure.add_gridspec(1, 2)
     cells = {(row["kind"], row["strength"]): row for row in table}
-    for place, part in enumerate(columns):
-        _draw_cells(figure.add_subplot(grid[0, place]), part, half, cells)
-    key = figure.add_subplot(grid[1, :])
-    key.set_axis_off()
+    for place, part in enumerate((lines[:half], lines[half:])):
+        _draw_cells(figure.add_subplot(grid[place]), part, half, cells)
     named = [*(step[1:] for step in _STEPS), (_REFUSED, "every record refused by name")]
     steps = [Patch(facecolor=color, label=label) for color, label in named]
-    key.legend(handles=steps, loc="center", ncols=len(steps), frameon=False, fontsize=8.5, labelcolor=GREY)
+    figure.legend(handles=steps, loc="outside lower center", ncols=len(steps), frameon=False, fontsize=8.5)
     save(figure, path)
 
 
@@ -222,32 +216,17 @@ def _draw_cells(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple
         for across, strength in enumerate(STRENGTHS):
             if (row := cells.get((kind, strength))) is None:
                 continue
-            is_refused, size = row["refused"] == row["records"], row["worst_z"]
-            color = _REFUSED if is_refused else next(color for limit, color, _ in _STEPS if not size > limit)
-            axes.barh(down + 0.5, 1.0, 1.0, across, color=color, edgecolor="white", linewidth=1.5)
-            z = f"z {size:.1f}" if size < 9.95 else f"z {size:.0f}" if size < 1e5 else f"z {size:.0e}"
-            texts = [(0.06, f"±{number(row['sigma_median_mgal'])}", "left"), (0.94, z, "right")]
-            if row["refused"]:
-                texts.append((0.56, f"{row['refused']} ref.", "center"))
-            for x, text, side in [(0.5, "refused", "center")] if is_refused else texts:
-                axes.text(across + x, down + 0.54, text, ha=side, va="center", fontsize=7.8)
-    axes.set(xlim=(0, len(STRENGTHS)), ylim=(height, 0))
-    axes.set_yticks([k + 0.5 for k in range(len(kinds))], kinds, fontsize=8.5)
-    for words, label in zip(kinds, axes.get_yticklabels(), strict=True):
-        label.set_fontweight("bold" if words in _HEADINGS.values() else "normal")
+            is_refused = row["refused"] == row["records"]
+            color = _REFUSED if is_refused else next(color for most, color, _ in _STEPS if not row["worst_z"] > most)
+            axes.barh(down, 1.0, 1.0, across, color=color, edgecolor="white", linewidth=1.5)
+            words = f"±{row['sigma_median_mgal']:.2g}  z {row['worst_z']:.3g}"
+            words += f"  {row['refused']} ref." if row["refused"] else ""
+            shown = "refused" if is_refused else words
+            axes.text(across + 0.5, down, shown, ha="center", va="center_baseline", fontsize=7.8)
+    axes.set(xlim=(0, len(STRENGTHS)), ylim=(height - 0.5, -0.5))
+    axes.set_yticks(range(len(kinds)), kinds, fontsize=8.5)
+    for label in axes.get_yticklabels():
+        label.set_fontweight("bold" if label.get_text() in _HEADINGS.values() else "normal")
     axes.set_xticks([k + 0.5 for k in range(len(STRENGTHS))], STRENGTHS, fontsize=9.0, fontweight="bold")
-    axes.xaxis.tick_top()
-    axes.tick_params(length=0)
-    axes.grid(visible=False)
+    axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.spines[:].set_visible(False)
-
-
-def number(value: float) -> str:
-    """Two digits that matter, and no more characters than a cell holds.
-
-    >>> [number(value) for value in (0.00421, 0.05, 1.23, 9.96, 1234.0, 2.5e5, 4e-6)]
-    ['0.0042', '0.050', '1.2', '10', '1234', '2e+05', '4e-06']
-    """
-    if not 1e-4 <= value < 1e5:
-        return f"{value:.0e}"
-    return f"{value:.0f}" if value >= 9.95 else f"{value:#.2g}"

@@ -14,15 +14,14 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.problems import AS_EXACT_AS_CAN_BE, OWN, Answer, Call, Make, Problem, raced
+from pipeline.benchmarks.problems import CLOSED, OWN, PICARD, Answer, Call, Make, Problem, raced
 from pipeline.benchmarks.references import Reference, reference, taylor
 from pipeline.benchmarks.tables import RATIO, Row, at_least, draws, not_measured, progress, rounds, timed
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
@@ -30,6 +29,7 @@ from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
 ABSOLUTE = 1e-3  # absolute tolerance over the relative one: angles are of 0.01 to 1 rad
+NOT_INSTALLED = "not installed: extra 'peers'"
 ABSENT = "not installed, or did not reach it: extra 'peers'"
 ANY, WANTED = math.nan, 1e-6
 _STIFF = ((1e-6, 1.5), (1e-9, 3.0), (1e-12, 6.0))
@@ -57,21 +57,10 @@ ONCE, QUICK_ONCE = 5.0, 0.25  # s: whoever takes longer is timed once
 LONG = 20.0  # s: whoever takes longer is not called again to be timed: what it compiled is within 5 % of that
 
 
-class Peer(NamedTuple):
-    """A way to call a library: its name to import, and (problem, tolerance) -> call, compiling done.
-
-    `stiff`: sensible for stiff problems alone, for others alone, or for both (None).
-    """
-
-    library: str
-    make: Make
-    stiff: bool | None
-
-
 def heyoka(problem: Problem, tolerance: float) -> Call:
     """Adaptive Taylor integration, non-compact mode, in double."""
     states = taylor(problem, problem.times, tolerance, float, compact_mode=False)
-    return lambda: Answer(states())
+    return lambda: (problem.angles(states()), math.nan)
 
 
 def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
@@ -95,7 +84,7 @@ def cyrk(problem: Problem, tolerance: float, method: str) -> Call:
         found.free()
         if not good or states.shape[0] != times.size:
             raise RefusedError(f"CyRK {method}: it says that it did not succeed")
-        return Answer(states)
+        return problem.angles(states), math.nan
 
     return call
 
@@ -120,7 +109,7 @@ def scipy(problem: Problem, tolerance: float) -> Call:
         found: Any = integrate(right, span, problem.start, "DOP853", times, **tolerances)
         if not found.success:
             raise RefusedError(f"scipy DOP853: {found.message}")
-        return Answer(np.asarray(found.y).T)
+        return problem.angles(found.y.T), math.nan
 
     return call
 
@@ -133,7 +122,7 @@ def cvode(problem: Problem, tolerance: float) -> Call:
     from numba import njit
     from sksundae.cvode import CVODE
 
-    system, size = problem.system, problem.start.size
+    system, size, times = problem.system, problem.start.size, problem.times
 
     def slopes(time: float, state: Floats, out: Floats) -> None:
         derivative(time, state, system, out)
@@ -148,31 +137,30 @@ def cvode(problem: Problem, tolerance: float) -> Call:
     solver = CVODE(lambda time, state, out: fill(time, state, out), method="BDF", **options)
 
     def call() -> Answer:
-        found = solver.solve(problem.times, problem.start)
-        states = np.asarray(found.y)
-        if found.success and problem.times.size == 2:
-            return Answer(states[[0, -1]])  # two instants mean every step to it
-        if not found.success or len(found.t) != problem.times.size:
+        found = solver.solve(times, problem.start)
+        if not found.success:
             raise RefusedError(f"CVODE BDF: {found.message}")
-        return Answer(states)
+        return problem.angles(found.y[[0, -1]] if times.size == 2 else found.y), math.nan  # two mean every step to it
 
     return call
 
 
-PEERS: Mapping[str, Peer] = {
-    "heyoka": Peer("heyoka", heyoka, None),
-    "CyRK DOP853": Peer("CyRK", partial(cyrk, method="DOP853"), False),
-    "CyRK RADAU": Peer("CyRK", partial(cyrk, method="RADAU"), True),
-    "scipy DOP853": Peer("scipy", scipy, False),
-    "CVODE BDF": Peer("sksundae", cvode, True),
-}  # All of them, by the names under which rows and pictures show them
-_COLOURS = (BLUE, GREEN, ORANGE, VERMILION, PURPLE)
-LOOKS: Mapping[str, tuple[str, str]] = {name: (colour, "o") for name, colour in zip(OWN, _COLOURS, strict=True)} | {
+PEERS: Mapping[str, tuple[Make, bool | None]] = {
+    "heyoka": (heyoka, None),
+    "CyRK DOP853": (partial(cyrk, method="DOP853"), False),
+    "CyRK RADAU": (partial(cyrk, method="RADAU"), True),
+    "scipy DOP853": (scipy, False),
+    "CVODE BDF": (cvode, True),
+}
+"""All of them, by the names under which rows and pictures show them: (problem, tolerance) -> call, compiling done; and
+whether sensible for stiff problems alone, for others alone, or for both (None)."""
+LOOKS: Mapping[str, tuple[str, str]] = {
+    **{name: (colour, "o") for name, colour in zip(OWN, (BLUE, GREEN, ORANGE, VERMILION, PURPLE), strict=True)},
     "heyoka": ("#000000", "D"), "CyRK DOP853": (GREY, "s"), "CyRK RADAU": (GREY, "s"),
     "scipy DOP853": ("#8c8c8c", "^"), "CVODE BDF": ("#b0b0b0", "X"),
 }  # fmt: skip
 """Method -> colour and mark; the project's are coloured, peers grey."""
-_COLUMNS = 4
+_MEASURED = ("error", "estimate", "ms", "ms_least", "ms_most")
 _LEAST_ERROR = 1e-17
 
 
@@ -181,58 +169,30 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 
     Quick: a tenth as long, fewer tolerances.
     """
-    races: dict[str, tuple[str, list[Point]]] = {}
+    races: dict[str, list[Row]] = {}
     for name, problem in raced(quick=quick).items():
-        truth = reference(problem)
-        races[name] = truth.source, sweep(problem, truth, quick=quick)
-        yield from (point.row(truth.source) for point in races[name][1])
-    for bar in judged({name: points for name, (_, points) in races.items()}):
+        races[name] = sweep(problem, reference(problem), quick=quick)
+        yield from races[name]
+    for bar in judged(races):
         # of short problems, on which starting up is what takes the time: reported, not judged
         yield bar | {"limit": f"of the full run: {bar['limit']}", "pass": None} if quick else bar
     if folder is not None and draws():
         draw(races, folder / "integrators.png")
 
 
-@dataclass(frozen=True)
-class Point:
-    """One method, the project's own or a peer, at one tolerance (NaN where none can be asked for) on one problem."""
-
-    problem: str
-    method: str
-    own: bool
-    tolerance: float
-    error: float = math.nan  # of the angles, relative to the largest; NaN where refused
-    estimate: float = math.nan  # the propagator's own; NaN for peers
-    seconds: tuple[float, ...] = ()  # processor time of each run
-    note: str = ""  # why there is no value
-
-    @property
-    def ms(self) -> float:
-        """Median time, ms; NaN where there was none."""
-        return 1e3 * statistics.median(self.seconds) if self.seconds else math.nan
-
-    def row(self, reference: str) -> Row:
-        """As the suite yields it."""
-        named = {"problem": self.problem, "method": self.method, "tolerance": self.tolerance}
-        errors = {"error": self.error, "estimate": self.estimate, "ms": self.ms}
-        least, most = (1e3 * end(self.seconds, default=math.nan) for end in (min, max))
-        return {**named, **errors, "ms_least": least, "ms_most": most, "reference": reference, "note": self.note}
-
-
 def contenders(problem: Problem) -> tuple[str, ...]:
     """Names of all propagators, and of the peers that are sensible for the problem."""
-    return (*OWN, *(name for name, peer in PEERS.items() if peer.stiff in (None, problem.stiff)))
+    return (*OWN, *(name for name, (_, stiff) in PEERS.items() if stiff in (None, problem.stiff)))
 
 
 def set_up(problem: Problem, method: str, tolerance: float) -> Call:
     """A call of a propagator or a peer, by name; `RefusedError` for no such problem, `ImportError` if not installed."""
-    make = OWN[method] if method in OWN else PEERS[method].make
-    return make(problem, tolerance)
+    return (OWN[method] if method in OWN else PEERS[method][0])(problem, tolerance)
 
 
 def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]:
     """What to ask a method for, loosest first."""
-    if method in AS_EXACT_AS_CAN_BE:
+    if method in (CLOSED, PICARD):
         return (math.nan,)
     if method in OWN and problem.stiff:
         return STIFF_TOLERANCES  # a few ms each
@@ -241,88 +201,87 @@ def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]
     return PEER_TOLERANCES if method in PEERS else TOLERANCES
 
 
-def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Point]:
-    """Measure contenders, all by default; one that declines is noted with its reason and not asked for more."""
-    points: list[Point] = []
-    runners: dict[str, tuple[Point, Call]] = {}
-    names = contenders(problem) if names is None else names
-    for method in progress(names, problem.name, len(names)):
+def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Row]:
+    """A row a contender, all by default, and tolerance (NaN where none can be asked for): error of the angles relative
+    to the largest, the propagator's own estimate of it (NaN for peers), processor time, or why there is no value.
+
+    One that declines is noted with its reason and not asked for more.
+    """
+    rows: list[Row] = []
+    runners: dict[str, Call] = {}
+    for method in progress(contenders(problem) if names is None else names, problem.name):
         for tolerance in tolerances(problem, method, quick=quick):
-            point = Point(problem.name, method, method in OWN, tolerance)
+            row: Row = {"problem": problem.name, "method": method, "tolerance": tolerance}
+            row |= dict.fromkeys(_MEASURED, math.nan) | {"reference": truth.source, "note": ""}
+            rows.append(row)
             try:
                 call = set_up(problem, method, tolerance)
-                answer, took = timed(call)
+                (angles, estimate), took = timed(call)
                 if took <= LONG:
                     took = timed(call)[1]
             except (ImportError, RefusedError) as why:
-                absent = isinstance(why, ImportError)
-                points.append(replace(point, note="not installed: extra 'peers'" if absent else f"refused: {why}"))
+                row["note"] = NOT_INSTALLED if isinstance(why, ImportError) else f"refused: {why}"
                 break
-            error = truth.error(problem, answer, problem.judged)
-            point = replace(point, error=error, estimate=answer.estimated_error, seconds=(took,))
-            if took > (QUICK_ONCE if quick else ONCE):
-                points.append(point)
-            else:
-                runners[f"{method} {tolerance}"] = point, call
-    taken = rounds({name: call for name, (_, call) in runners.items()}, REPEATS)
-    points += [replace(point, seconds=tuple(taken[name])) for name, (point, _) in runners.items()]
-    return sorted(points, key=lambda point: (names.index(point.method), -point.tolerance))
+            row |= {"error": truth.error(angles), "estimate": estimate} | _times([took])
+            if took <= (QUICK_ONCE if quick else ONCE):
+                runners[str(len(rows) - 1)] = call
+    for place, taken in rounds(runners, REPEATS).items():
+        rows[int(place)] |= _times(taken)
+    return rows
 
 
-def judged(found: Mapping[str, Sequence[Point]]) -> Iterator[Row]:
-    """Bars from the points of the suite."""
+def _times(seconds: Sequence[float]) -> Row:
+    ms = (1e3 * each(seconds) for each in (statistics.median, min, max))
+    return dict(zip(_MEASURED[2:], ms, strict=True))
+
+
+def judged(races: Mapping[str, Sequence[Row]]) -> Iterator[Row]:
+    """Bars from the rows of the suite."""
     for name, peer, tolerance, error, limit in BARS:
-        any_of, points = math.isnan(tolerance), [point for point in found[name] if point.error >= 0.0]
-        rivals = [point for point in points if point.method == peer and (any_of or point.tolerance == tolerance)]
+        any_of, rows = math.isnan(tolerance), races[name]
+        rivals = [row for row in rows if row["method"] == peer and (any_of or row["tolerance"] == tolerance)]
         rival = fastest(rivals, WANTED if any_of else math.inf)
         at = f"{WANTED:g} of error" if any_of else f"{tolerance:g}"
         bar = f"{name}{'' if math.isinf(error) else f' at <= {error:g}'}: times faster than {peer} at {at}"
         if rival is None:
             yield not_measured(bar, f">= {limit:g}", ABSENT)
             continue
-        own = fastest([point for point in points if point.own], min(error, rival.error))
-        ratio, unit = math.nan, f"none of ours; it {rival.ms:.3g} ms at {rival.error:.1g}"
+        own = fastest([row for row in rows if row["method"] in OWN], min(error, rival["error"]))
+        ratio, unit = math.nan, f"none of ours; it {rival['ms']:.3g} ms at {rival['error']:.1g}"
         if own is not None:
-            every = [theirs / ours for ours, theirs in zip(own.seconds, rival.seconds, strict=False)]  # of one round
-            unit = f"{RATIO}, {min(every):.3g} to {max(every):.3g}: {own.method} {own.ms:.3g} ms, it {rival.ms:.3g} ms"
-            ratio = rival.ms / own.ms
+            ratio = rival["ms"] / own["ms"]
+            least, most = rival["ms_least"] / own["ms_most"], rival["ms_most"] / own["ms_least"]
+            told = f"{own['method']} {own['ms']:.3g} ms, it {rival['ms']:.3g} ms"
+            unit = f"{RATIO}, {least:.3g} to {most:.3g}: {told}"
         yield at_least(bar, ratio, limit, unit)
 
 
-def fastest(points: Sequence[Point], error: float) -> Point | None:
-    """The fastest of some points that have no larger error."""
-    return min((point for point in points if point.error <= error), key=lambda point: point.ms, default=None)
+def fastest(rows: Sequence[Row], error: float) -> Row | None:
+    """The fastest of some that have no larger error."""
+    return min((row for row in rows if row["error"] <= error), key=lambda row: row["ms"], default=None)
 
 
-def draw(races: Mapping[str, tuple[str, Sequence[Point]]], path: Path) -> None:
-    """Draw every problem, given with the source of its truth and its points."""
+def draw(races: Mapping[str, Sequence[Row]], path: Path) -> None:
+    """Draw the rows of every problem; the project's own are larger and in front."""
     words = "largest error over the largest size, against the truth above each panel; warm processor time, medians"
     figure = sheet("Error against time", words, 16.5, 8.4)
-    grid = figure.add_gridspec(2, _COLUMNS)
-    for number, (name, (source, points)) in enumerate(races.items()):
-        place = grid[number // _COLUMNS, number % _COLUMNS]
-        axes = panel(figure, place, f"{name}\n", "processor time, ms", "error", xscale="log", yscale="log")
-        axes.text(0.0, 1.015, f"against {source}", transform=axes.transAxes, fontsize=8, color=GREY)
-        for method in LOOKS:
-            some = (point for point in points if point.method == method and point.seconds)
-            line = [(point.ms, max(point.error, _LEAST_ERROR)) for point in some if np.isfinite(point.error)]
-            if line:
-                axes.plot(*np.array(line).T, **_look(method))
-    key = figure.add_subplot(grid[1, _COLUMNS - 1])
+    grid = figure.add_gridspec(2, 4)
+    key = figure.add_subplot(grid[1, 3])
     key.set_axis_off()
-    every = [point for _, points in races.values() for point in points]
-    absent = {point.method for point in every if "not installed" in point.note}
-    for method in LOOKS:
-        if method in absent or any(point.method == method and point.seconds for point in every):
-            words = f"{method}, not installed" if method in absent else method
-            key.plot([], [], label=words, **_look(method))
+    every = [row for rows in races.values() for row in rows]
+    for number, (name, rows) in enumerate(races.items()):
+        place = grid[number // 4, number % 4]
+        axes = panel(figure, place, f"{name}\n", "processor time, ms", "error", xscale="log", yscale="log")
+        axes.text(0.0, 1.015, f"against {rows[0]['reference']}", transform=axes.transAxes, fontsize=8, color=GREY)
+    for method, (colour, mark) in LOOKS.items():
+        own = method in OWN
+        look: Any = {"color": colour, "marker": mark, "markersize": 5.5 if own else 4.0, "linewidth": 1.0 + own}
+        rows = [row for row in every if row["method"] == method]
+        absent = any(row["note"] == NOT_INSTALLED for row in rows)
+        if absent or any(row["ms"] > 0.0 for row in rows):
+            key.plot([], [], label=f"{method}, not installed" if absent else method, **look)
+        for axes, name in zip(figure.axes[1:], races, strict=True):
+            line = [(row["ms"], max(row["error"], _LEAST_ERROR)) for row in rows if row["problem"] == name]
+            axes.plot(*np.array(line or [(math.nan, math.nan)]).T, **look, zorder=2 + own)
     legend(key, loc="center left", title="method")
     save(figure, path)
-
-
-def _look(method: str) -> dict[str, Any]:
-    """Of a line; the project's own are larger and in front."""
-    colour, mark = LOOKS[method]
-    own = mark == "o"
-    size = {"markersize": 5.5, "linewidth": 2.0, "zorder": 3} if own else {"markersize": 4.0, "linewidth": 1.0}
-    return {"color": colour, "marker": mark, **size}

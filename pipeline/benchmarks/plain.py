@@ -44,13 +44,6 @@ class Motion(NamedTuple):
     along: Complexes  # z'', up positive, (harmonics,)
 
 
-def jonswap(frequency: Floats, peak: float) -> Floats:
-    """Spectrum of the surface's elevation, in arbitrary units, by frequency in Hz."""
-    width = np.where(frequency <= peak, 0.07, 0.09)
-    bump = _PEAK_FACTOR ** np.exp(-0.5 * ((frequency / peak - 1.0) / width) ** 2)
-    return frequency**-5.0 * np.exp(-1.25 * (peak / frequency) ** 4) * bump
-
-
 def sea(random: np.random.Generator, period: float, across: float, along: float) -> Motion:
     """A sea of given peak period, s, with harmonics at random frequencies, amplitudes and phases.
 
@@ -59,8 +52,11 @@ def sea(random: np.random.Generator, period: float, across: float, along: float)
     """
     edges = np.linspace(_LOW, _HIGH, _HARMONICS + 1) / period
     frequency = random.uniform(edges[:-1], edges[1:])
+    width = np.where(frequency <= 1.0 / period, 0.07, 0.09)
+    bump = _PEAK_FACTOR ** np.exp(-0.5 * ((frequency * period - 1.0) / width) ** 2)
+    spectrum = frequency**-5.0 * np.exp(-1.25 * (frequency * period) ** -4.0) * bump  # of the elevation: JONSWAP
     # the acceleration's spectrum is w^4 times the elevation's; Rayleigh amplitudes make a Gaussian sea
-    size = np.sqrt(jonswap(frequency, 1.0 / period)) * frequency**2 * random.rayleigh(size=_HARMONICS)
+    size = np.sqrt(spectrum) * frequency**2 * random.rayleigh(size=_HARMONICS)
     size /= math.sqrt(0.5 * float(np.sum(size**2)))
     phase = random.uniform(0.0, 2.0 * math.pi, _HARMONICS)
     turned = phase + random.choice([-1, 1]) * 0.5 * math.pi + random.uniform(-_HULL, _HULL, _HARMONICS)
@@ -71,11 +67,6 @@ def line(random: np.random.Generator, frequency: float, across: float, along: fl
     """One harmonic of given frequency in Hz and amplitudes in m/s^2, of random phases."""
     phases = np.exp(1j * random.uniform(0.0, 2.0 * math.pi, 2))
     return Motion(np.array([2.0 * math.pi * frequency]), across * phases[:1], along * phases[1:])
-
-
-def total(parts: list[Motion]) -> Motion:
-    """All harmonics of several motions."""
-    return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def at(times: Floats, rate: Floats, amplitude: Complexes) -> Floats:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ HOUR = 3600  # s
 RATE = 20  # readings a second
 HARMONICS = 33
 HEAVE = 0.07  # m/s^2 of each vertical harmonic: z''/g = 0.03 r.m.s.
-CLOSED, PICARD = "closed form", "Picard collocation"
+CLOSED, PICARD = "closed form", "Picard collocation"  # propagators that take no tolerance
 CLOSED_FORM_ERROR = 1e-15
 
 
@@ -48,20 +47,23 @@ class Problem:
     """One initial value problem, read `count` times, every `step` s, the start among them."""
 
     name: str
-    kind: str  # "linear" or "sine" (pendulums on a support that moves as prescribed), or the kind of system
     system: Any  # of the project's own; general integrators are given its compiled right-hand side
     start: Floats
     step: Fraction
     count: int
-    judged: tuple[int, ...] = (0,)  # components whose errors are compared: angles
+    judged: tuple[int, ...] = (0,)  # components of the state that are compared: angles
     horizontal: Swell = STILL
     vertical: Swell = STILL  # motion of the support of pendulums
     stiff: bool = False  # which general integrators are sensible, and which tolerances
 
-    @cached_property
+    @property
     def times(self) -> Floats:
         """Readings, s, as doubles."""
         return np.array([float(self.step * k) for k in range(self.count)])
+
+    def angles(self, states: Floats) -> Floats:
+        """What is compared of states (k, n)."""
+        return np.asarray(states[:, self.judged], dtype=np.float64)
 
 
 def raced(*, quick: bool) -> Mapping[str, Problem]:
@@ -83,9 +85,8 @@ def hour(seconds: int = HOUR, *, linear: bool = True) -> Problem:
     heave = STILL if linear else _sea(66, HEAVE)
     law, lifted = (Linear(), None) if linear else (Sine(), harmonics(*heave))
     system = DrivenPendulums(frequency, GRAVITY, law, harmonics(*swell), lifted, Viscous(np.array([1e-4, 1.2e-4])))
-    name, kind = ("linear", "linear") if linear else ("nonlinear", "sine")
-    start, step = np.array([0.015, 0.03, -0.01, 0.05]), Fraction(1, RATE)
-    return Problem(name, kind, system, start, step, seconds * RATE, (0, 2), swell, heave)
+    name, start = "linear" if linear else "nonlinear", np.array([0.015, 0.03, -0.01, 0.05])
+    return Problem(name, system, start, Fraction(1, RATE), seconds * RATE, (0, 2), swell, heave)
 
 
 def _sea(seed: int, amplitude: float) -> Swell:
@@ -100,12 +101,12 @@ def beam(oscillations: int = 1000, name: str = "beam") -> Problem:
     drive = VanDerPolDrive(np.full(2, 0.06), 0.0138 / length)
     system = ElasticBeam(50.0, np.full(2, 0.25), length, 8000.0, 0.25, GRAVITY, drive)
     start = np.array([0.001, 0.0, 0.1, 0.0, -0.07, 0.3])
-    return Problem(name, "beam", system, start, Fraction(1, RATE), oscillations * RATE + 1, (2, 4))
+    return Problem(name, system, start, Fraction(1, RATE), oscillations * RATE + 1, (2, 4))
 
 
 def van_der_pol() -> Problem:
     """The field's stiff reference: mu = 1000 to t = 2000."""
-    return Problem("van der Pol", "oscillator", VanDerPol(1000.0), np.array([2.0, 0.0]), Fraction(2000), 2, stiff=True)
+    return Problem("van der Pol", VanDerPol(1000.0), np.array([2.0, 0.0]), Fraction(2000), 2, stiff=True)
 
 
 def stiff_beam() -> Problem:
@@ -115,32 +116,27 @@ def stiff_beam() -> Problem:
     fastest = 1000.0 * float(np.sqrt(GRAVITY / length[0]))
     system = loose._replace(stiffness=stiffness_of_ratio(1000.0, loose), damping_rate=fastest)
     start = np.array([0.0, 0.0, 1.0, 0.0, -0.5, 0.0])
-    return Problem("stiff beam", "beam", system, start, Fraction(1, RATE), 401, (2, 4), stiff=True)
+    return Problem("stiff beam", system, start, Fraction(1, RATE), 401, (2, 4), stiff=True)
 
 
-class Answer(NamedTuple):
-    """What one propagation gave."""
-
-    states: Floats  # (k, n); or (k, judged), the angles alone
-    estimated_error: float = math.nan  # the propagator's own; NaN for peers
-
-
+Answer = tuple[Floats, float]
+"""Angles (k, judged), and the propagator's own estimate of their error: NaN for peers."""
 Call = Callable[[], Answer]
 Make = Callable[[Problem, float], Call]  # from problem and tolerance to a call, compiling done
 
 
 def _closed_form(problem: Problem, tolerance: float) -> Call:
-    if problem.kind != "linear":
+    system, moved = problem.system, _sum(problem.horizontal)
+    if not isinstance(system, DrivenPendulums) or isinstance(system.restoring, Sine):
         raise RefusedError("closed form: linear pendulums that swing, on a support that moves sideways, have one")
-    system, moved, start = problem.system, _sum(problem.horizontal), problem.start.reshape(-1, 2).tolist()
 
     def call() -> Answer:
         responses = []
-        for n, gamma, (angle, speed) in zip(system.natural_frequency, system.terms.damping_rate, start, strict=True):
+        starts = problem.start.reshape(-1, 2).tolist()
+        for n, gamma, (angle, speed) in zip(system.natural_frequency, system.terms.damping_rate, starts, strict=True):
             begun = StateStart(angle=angle, angular_velocity=speed)
             responses.append(respond(float(n), float(gamma), begun, moved, system.gravity))
-        angles = EvenTimes(problem.step, problem.count).elongation(responses)
-        return Answer(np.asarray(angles.T, np.float64), CLOSED_FORM_ERROR)
+        return EvenTimes(problem.step, problem.count).elongation(responses).T, CLOSED_FORM_ERROR
 
     return call
 
@@ -148,15 +144,15 @@ def _closed_form(problem: Problem, tolerance: float) -> Call:
 def _picard(problem: Problem, tolerance: float) -> Call:
     from synth.propagators.picard import PicardPlan
 
-    if problem.kind != "sine":
+    system, even = problem.system, EvenTimes(problem.step, problem.count)
+    if not isinstance(system, DrivenPendulums) or isinstance(system.restoring, Linear):
         raise RefusedError("Picard collocation: made for pendulums with the full sine on a support moved as prescribed")
-    system, start, even = problem.system, problem.start.reshape(-1, 2), EvenTimes(problem.step, problem.count)
     motion, damping = (_sum(problem.horizontal), _sum(problem.vertical)), system.terms.damping_rate
-    plan = PicardPlan(system.natural_frequency, damping, start, *motion, system.gravity, even)
+    plan = PicardPlan(system.natural_frequency, damping, problem.start.reshape(-1, 2), *motion, system.gravity, even)
 
     def call() -> Answer:
         angles, error = plan.elongation()
-        return Answer(angles.T, error)
+        return angles.T, error
 
     return call
 
@@ -167,10 +163,11 @@ def _sum(swell: Swell) -> HarmonicSum:
 
 def _integrator(problem: Problem, tolerance: float, name: str) -> Call:
     integrate: Any = importlib.import_module(f"synth.integrators.{name}").integrate
+    times = problem.times
 
     def call() -> Answer:
-        found = integrate(problem.system, problem.start, problem.times, tolerance=tolerance)
-        return Answer(found.states, found.estimated_error)
+        found = integrate(problem.system, problem.start, times, tolerance=tolerance)
+        return problem.angles(found.states), found.estimated_error
 
     return call
 
@@ -182,4 +179,3 @@ OWN: Mapping[str, Make] = {
     "Radau": partial(_integrator, name="radau"),
     "explicit": partial(_integrator, name="explicit"),
 }  # All propagators, by the names under which rows and pictures show them: (problem, tolerance) -> call
-AS_EXACT_AS_CAN_BE = (CLOSED, PICARD)  # propagators that take no tolerance

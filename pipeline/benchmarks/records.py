@@ -33,38 +33,13 @@ _WAY = 5.0  # m/s, of a ship that turns
 Random = np.random.Generator
 
 
-def sample_times(case: Case, random: Random) -> Floats:
-    """Times of the samples, s: even, jittered or with samples missing."""
-    index = np.arange(int(case.duration * case.rate) + 1)
-    times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
-    times -= times[0]
-    kept = random.random(index.size) >= case.lost
-    kept[[0, -1]] = True
-    return times[kept]
-
-
 def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
     """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
 
     Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
     """
-    out, roll = _scaled(traces + case.cubic * traces**3, times, case, random)
-    tilt = tilt + roll
-    out[0] -= tilt
-    out += case.noise * random.normal(size=out.shape)
-    _spoil(out, times, case, random)
-    largest = np.max(np.abs(out), axis=1, keepdims=True)
-    if case.clip < 1.0:
-        out = np.clip(out, -case.clip * largest, case.clip * largest)
-    if case.quantisation:
-        out = np.round(out / case.quantisation) * case.quantisation
-    _lose(out, times, case, random)
-    return out, tilt
-
-
-def _scaled(traces: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
-    """Gains and zeros; and the case's roll, which drops out of differences."""
-    out: Floats = traces * (1.0 + case.gain_all * random.choice([-1, 1]))
+    # gains and zeros
+    out = (traces + case.cubic * traces**3) * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
     out[0] *= 1.0 + case.gain_first * random.choice([-1, 1])
     out[0] += random.choice([-1, 1]) * (case.zero_first + case.zero_drift * (times / case.duration - 0.5))
@@ -73,12 +48,12 @@ def _scaled(traces: Floats, times: Floats, case: Case, random: Random) -> tuple[
     if case.zero_steps:
         steps = [size * (times > case.duration * random.random()) for size in random.normal(size=6)]
         out[0] += case.zero_steps * np.sum(steps, axis=0)
+    # the case's roll, which drops out of differences, and noise
     roll = 2.0 * np.pi * times / (_ROLL * random.uniform(0.9, 1.1)) + random.uniform(0.0, 2.0 * np.pi)
-    return out, np.radians(case.tilt) * np.cos(roll)
-
-
-def _spoil(out: Floats, times: Floats, case: Case, random: Random) -> None:
-    """Outliers, bursts, and traces that are not what they are called."""
+    tilt = tilt + np.radians(case.tilt) * np.cos(roll)
+    out[0] -= tilt
+    out += case.noise * random.normal(size=out.shape)
+    # outliers, bursts, and traces that are not what they are called
     wrong = random.random(out.shape) < case.outliers
     out[wrong] += _BAD * random.standard_t(3.0, size=int(wrong.sum()))
     for begin in random.uniform(0.0, case.duration, case.bursts):
@@ -90,10 +65,12 @@ def _spoil(out: Floats, times: Floats, case: Case, random: Random) -> None:
     if case.dead:
         during = times >= (1.0 - case.dead) * case.duration
         out[-1, during] = case.noise * random.normal(size=int(during.sum()))
-
-
-def _lose(out: Floats, times: Floats, case: Case, random: Random) -> None:
-    """Gaps, never so near the ends that nothing is left outside."""
+    if case.clip < 1.0:
+        largest = np.max(np.abs(out), axis=1, keepdims=True)
+        out = np.clip(out, -case.clip * largest, case.clip * largest)
+    if case.quantisation:
+        out = np.round(out / case.quantisation) * case.quantisation
+    # gaps, never so near the ends that nothing is left outside
     for k in range(case.gaps if case.gap else 0):
         room = (0.9 * case.duration) / case.gaps
         begin = 0.05 * case.duration + room * k + random.uniform(0.0, max(room - case.gap, 0.0))
@@ -101,6 +78,7 @@ def _lose(out: Floats, times: Floats, case: Case, random: Random) -> None:
     begin = random.uniform(0.1, 0.6) * case.duration
     out[0, (times >= begin) & (times < begin + case.first_gap)] = np.nan
     out[:, times % _ROUND >= _ROUND - case.lost_of_two_minutes] = np.nan
+    return out, tilt
 
 
 class Made(NamedTuple):
@@ -138,7 +116,12 @@ def of_case(case: Case, random: Random, label: str) -> Made:
     support = plain.Support(*motion, _pulses(case, random), law)
     every = np.ones(case.pendulums)
     own = plain.Pendulums(REFERENCE / frequency**2, damping, case.quadratic * every, case.friction * every, case.linear)
-    times = sample_times(case, random)
+    index = np.arange(int(case.duration * case.rate) + 1)
+    times = (index + case.jitter * random.uniform(-0.5, 0.5, index.size)) / case.rate
+    times -= times[0]
+    kept = random.random(index.size) >= case.lost
+    kept[[0, -1]] = True
+    times = times[kept]
     prompt = times + case.delay  # the world begins before the record, by what a trace may come late
     late = prompt - random.choice([-1, 1]) * case.delay
     both = np.unique(np.concatenate([[0.0], prompt, late]))
@@ -180,9 +163,9 @@ def _motion(case: Case, swing: float, random: Random) -> plain.Motion:
     if case.vibration:
         parts.append(plain.line(random, case.vibration_frequency, case.vibration, 0.0))
     parts.append(plain.line(random, case.engine_frequency or 2.0 * swing + beat, 0.0, case.engine))
-    motion = plain.total(parts)
-    felt = (motion.across != 0.0) | (motion.along != 0.0)
-    return plain.Motion(*(column[felt] for column in motion))
+    rate, across, along = (np.concatenate(column) for column in zip(*parts, strict=True))
+    felt = (across != 0.0) | (along != 0.0)
+    return plain.Motion(rate[felt], across[felt], along[felt])
 
 
 def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support:

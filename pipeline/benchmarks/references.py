@@ -1,37 +1,36 @@
 """What the problems' errors are measured against: another method, and tighter.
 
-Linear pendulums: the closed form in many digits (mpmath). All others: Taylor integration in 80-bit arithmetic at 1e-18
-(heyoka). Where heyoka is not installed, one of the project's own integrators at its tightest; the row says which.
+Extreme motions: closed forms in many digits (mpmath). Problems on which integrators are compared: Taylor integration
+in 80-bit arithmetic at 1e-18 (heyoka); where heyoka is not installed, one of the project's own integrators at its
+tightest; the row says which.
 
 A swing moves by 1e-12 in an hour's last half bit of time: answers are compared at those readings alone whose instants
-are doubles exactly, every fifth of those at 20 a second. Equations are given to heyoka in numbers of the integration's
-arithmetic, so that a double stays the number it is.
+are doubles exactly, every fifth of those at 20 a second. Equations are given to heyoka in numbers of 80 bits, so that
+products of constants are rounded once, in the integration's arithmetic.
 """
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError
-from pipeline.benchmarks.problems import GRAVITY, Answer, Problem, Swell
+from pipeline.benchmarks.problems import GRAVITY, Problem, Swell
 from synth.phase import Floats
 from synth.systems.driven_pendulums import DrivenPendulums, Sine
 from synth.systems.yielding import ElasticBeam
 
-Number = Callable[[Any], Any]
 Equations = list[tuple[Any, Any]]
 Instants = Sequence[Fraction]
+Number: Any = np.longdouble
 TIGHT = 1e-18
 OWN_TIGHT = 1e-14
-_SAMPLED = 200  # readings of which many digits are made
 _BETWEEN = 400  # instants besides, closer towards the start, which show how large a component becomes
 
 
@@ -81,121 +80,89 @@ def separatrix(frequency: float, instants: Instants) -> Floats:
     return 4.0 * np.arctan(np.tanh(0.5 * frequency * times))[:, None]
 
 
-def equations(problem: Problem, number: Number) -> Equations:
-    """Pairs (variable, derivative) in the order of the state; `ImportError` where heyoka is not installed.
-
-    `number` makes a number of the arithmetic wanted, `float` or `numpy.longdouble`.
-    """
+def equations(problem: Problem) -> Equations:
+    """Pairs (variable, derivative) in the order of the state; `ImportError` where heyoka is not installed."""
     import heyoka as hy
 
     system = problem.system
     if isinstance(system, DrivenPendulums):
-        return _pendulums(problem, number)
+        return _pendulums(problem)
     if isinstance(system, ElasticBeam):
-        return _beam(system, number)
+        return _beam(system)
     y, v = hy.make_vars("y", "v")  # van der Pol's
-    return [(y, v), (v, number(system.stiffness) * (number(1.0) - y * y) * v - y)]
+    return [(y, v), (v, Number(system.stiffness) * (1.0 - y * y) * v - y)]
 
 
-def _level(motion: Swell, number: Number) -> Any:
+def _pendulums(problem: Problem) -> Equations:
     import heyoka as hy
 
-    terms = [number(a) * hy.cos(number(w) * hy.time + number(p)) for a, w, p in zip(*motion, strict=True) if a]
-    return hy.sum(terms) if terms else None
-
-
-def _pendulums(problem: Problem, number: Number) -> Equations:
-    import heyoka as hy
+    def level(motion: Swell) -> Any:
+        waves = zip(*(values.astype(Number) for values in motion), strict=True)
+        return hy.sum([a * hy.cos(w * hy.time + p) for a, w, p in waves if a]) / Number(system.gravity)
 
     system = problem.system
-    across, along = _level(problem.horizontal, number), _level(problem.vertical, number)
-    sine, gravity = isinstance(system.restoring, Sine), number(system.gravity)
+    sine = isinstance(system.restoring, Sine)
+    across, weight = level(problem.horizontal), 1.0 + level(problem.vertical) if sine else 1.0
     found: Equations = []
-    for k, (n, gamma) in enumerate(zip(system.natural_frequency, system.terms.damping_rate, strict=True)):
+    constants = system.natural_frequency.astype(Number), system.terms.damping_rate.astype(Number)
+    for k, (n, gamma) in enumerate(zip(*constants, strict=True)):
         x, v = hy.make_vars(f"x{k}", f"v{k}")
-        back = hy.sin(x) if sine else x
-        if along is not None:
-            back = (number(1.0) + along / gravity) * back
-        if across is not None:
-            back = back + across / gravity * (hy.cos(x) if sine else number(1.0))
-        found += [(x, v), (v, -number(2.0) * number(gamma) * v - number(n) * number(n) * back)]
+        back = weight * hy.sin(x) + across * hy.cos(x) if sine else x + across
+        found += [(x, v), (v, -2.0 * gamma * v - n * n * back)]
     return found
 
 
-def _beam(system: ElasticBeam, number: Number) -> Equations:
+def _beam(system: ElasticBeam) -> Equations:
     """System (1) of Kanunnikov and Lamper, solved for the accelerations."""
     import heyoka as hy
 
     x, v = hy.make_vars("x", "v")
-    gravity, heavy = number(system.gravity), number(system.beam_mass)
-    whole, inertia = heavy, heavy
-    force: Any = number(0.0)
+    whole = inertia = Number(system.beam_mass)
+    force: Any = 0.0
     swings = []
-    for k, (m, length) in enumerate(zip(system.mass, system.length, strict=True)):
+    for k, (m, length) in enumerate(zip(system.mass.astype(Number), system.length.astype(Number), strict=True)):
         angle, rate = hy.make_vars(f"phi{k}", f"rate{k}")
         sine, cosine = hy.sin(angle), hy.cos(angle)
-        free = -(gravity / number(length)) * sine
+        free = -(Number(system.gravity) / length) * sine
         if system.terms is not None:
-            share = angle / number(system.terms.angle[k])
-            free = free + number(system.terms.rate[k]) * (number(1.0) - share * share) * rate
-        whole = whole + number(m)
-        inertia = inertia + number(m) * cosine * cosine
-        force = force + number(m) * number(length) * (cosine * rate * rate + sine * free)
-        swings.append((angle, rate, sine, free, number(length)))
-    pull = force - number(system.stiffness) * x - whole * number(system.damping_rate) * v
-    beam = pull / inertia
-    found: Equations = [(x, v), (v, beam)]
-    for angle, rate, sine, free, length in swings:
-        found += [(angle, rate), (rate, free + sine * beam / length)]
-    return found
+            share = angle / Number(system.terms.angle[k])
+            free = free + Number(system.terms.rate[k]) * (1.0 - share * share) * rate
+        whole, inertia = whole + m, inertia + m * cosine * cosine
+        force = force + m * length * (cosine * rate * rate + sine * free)
+        swings.append((angle, rate, sine / length, free))
+    beam = (force - Number(system.stiffness) * x - whole * Number(system.damping_rate) * v) / inertia
+    return [(x, v), (v, beam), *(pair for a, r, sine, free in swings for pair in ((a, r), (r, free + sine * beam)))]
 
 
-@dataclass(frozen=True)
-class Reference:
-    """True states at some of a problem's instants."""
+class Reference(NamedTuple):
+    """True angles at some of a problem's instants."""
 
     rows: NDArray[np.int64]  # which instants
-    components: tuple[int, ...]  # which components of the state
-    values: Floats  # (rows, components)
-    sizes: Floats  # largest size of each component on the way
+    angles: Floats  # (rows, judged)
+    sizes: Floats  # largest size of each on the way
     source: str
 
-    def error(self, problem: Problem, answer: Answer, wanted: Sequence[int]) -> float:
-        """Largest error of the wanted components at any instant, over the component's largest size; NaN spreads.
-
-        Components that one of the two sides does not know are left out.
-        """
-        offered = tuple(range(problem.start.size)) if answer.states.shape[1] == problem.start.size else problem.judged
-        errors = []
-        for place, component in enumerate(self.components):
-            if component in wanted and component in offered:
-                difference = answer.states[self.rows, offered.index(component)] - self.values[:, place]
-                errors.append(np.max(np.abs(difference)) / (self.sizes[place] or 1.0))
-        return float(np.max(errors))
+    def error(self, angles: Floats) -> float:
+        """Largest error of any angle at any instant, over its largest size; NaN spreads."""
+        return float(np.max(np.abs(angles[self.rows] - self.angles) / self.sizes))
 
 
 def reference(problem: Problem) -> Reference:
     """The best reference that the installed libraries allow."""
-    instants = [problem.step * k for k in range(problem.count)]
-    rows = np.array([k for k, instant in enumerate(instants) if Fraction(float(instant)) == instant])
-    if problem.kind == "linear" and importlib.util.find_spec("mpmath") is not None:
-        rows = rows[np.unique(np.linspace(0, rows.size - 1, _SAMPLED).astype(np.int64))]
-        n, gamma = problem.system.natural_frequency, problem.system.terms.damping_rate
-        values = linear(n, gamma, problem.start.tolist(), problem.horizontal, [instants[row] for row in rows])
-        return Reference(rows, problem.judged, values, np.abs(values).max(axis=0), "mpmath, 100 digits")
+    rows = np.array([k for k in range(problem.count) if Fraction(float(problem.step * k)) == problem.step * k])
     times = problem.times[rows]
     more = np.union1d(times, times[0] + np.ptp(times) * np.logspace(-7.0, 0.0, _BETWEEN, endpoint=False))
     if importlib.util.find_spec("heyoka") is not None:
         # compact: a minute of compiling less
-        states = taylor(problem, more, TIGHT, np.longdouble, compact_mode=True)()
+        states = taylor(problem, more, TIGHT, Number, compact_mode=True)()
         source = f"heyoka, 80 bits, {TIGHT:g}"
     else:
         name = "radau" if problem.stiff else "explicit"
         integrate = import_module(f"synth.integrators.{name}").integrate
         states = integrate(problem.system, problem.start, more, tolerance=OWN_TIGHT).states
         source = f"own {name}, {OWN_TIGHT:g}: no reference for itself"
-    values = states[np.searchsorted(more, times)]
-    return Reference(rows, tuple(range(problem.start.size)), values, np.abs(states).max(axis=0), source)
+    angles = problem.angles(states)
+    return Reference(rows, angles[np.searchsorted(more, times)], np.abs(angles).max(axis=0), source)
 
 
 def taylor(problem: Problem, times: Floats, tolerance: float, number: Any, **options: Any) -> Callable[[], Floats]:
@@ -203,7 +170,7 @@ def taylor(problem: Problem, times: Floats, tolerance: float, number: Any, **opt
     import heyoka as hy
 
     start, instants = problem.start.astype(number), times.astype(number)
-    integrator = hy.taylor_adaptive(equations(problem, number), start, tol=number(tolerance), fp_type=number, **options)
+    integrator = hy.taylor_adaptive(equations(problem), start, tol=number(tolerance), fp_type=number, **options)
 
     def call() -> Floats:
         integrator.time = instants[0]

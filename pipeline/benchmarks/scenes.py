@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from data_schemas.scene import Scene
+from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made
-from pipeline.gravity import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
-from pipeline.reduction import reduce_by
 from synth import simulate
 
 REFERENCE = 9.81  # m s-2, where the periods hold
@@ -70,12 +69,6 @@ def linear(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     return two_pendulums("linear", relative_difference, **(given | changes))
 
 
-def heave() -> dict[str, Any]:
-    """Vertical acceleration of three harmonics, 0.2 m/s2 rms."""
-    values = {"amplitude": [0.22, 0.15, 0.08], "period": [8.7, 6.1, 11.9], "phase": [0.3, 1.9, 4.4]}
-    return {"kind": "harmonics", "axis": "vertical", **values}
-
-
 def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
     """Real pendulums swayed by swell; damped, the record states their damping and their law."""
     given: dict[str, Any] = {"motion": [swell(SWAY)], "damping_rates": (2e-5, 3e-5), "amplitudes": (0.012, 0.010)}
@@ -83,8 +76,10 @@ def real(relative_difference: float = 1e-4, **changes: Any) -> Scene:
 
 
 def real_heave(**changes: Any) -> Scene:
-    """As `real`, in heavier swell and in heave, which the record holds."""
-    return real(motion=[swell(2.0 * SWAY), heave()], vertical_acceleration=True, **changes)
+    """As `real`, in heavier swell and in heave of 0.2 m/s2 rms, which the record holds."""
+    values = {"amplitude": [0.22, 0.15, 0.08], "period": [8.7, 6.1, 11.9], "phase": [0.3, 1.9, 4.4]}
+    heave = {"kind": "harmonics", "axis": "vertical", **values}
+    return real(motion=[swell(2.0 * SWAY), heave], vertical_acceleration=True, **changes)
 
 
 def prepared(scene: Scene) -> Prepared:
@@ -94,9 +89,8 @@ def prepared(scene: Scene) -> Prepared:
 
 def errors(scene: Scene, *methods: str) -> dict[str, float]:
     """Error of gravity by each method on a scene's record, mGal; NaN where it refuses."""
-    ready = prepared(scene)
-    found = {name: reduce_by(name, ready, 0.0).gravity for name in methods}
-    return {name: np.nan if value is None else (value.gravity - scene.gravity) / MGAL for name, value in found.items()}
+    record = made(scene)
+    return {name: reduced(record, name)["error_mgal"] for name in methods}
 
 
 def made(scene: Scene) -> Made:

@@ -64,11 +64,6 @@ class Motion:
     apart: float = 0.0  # how far the truth itself may be from this motion, relative: a limit that is only approached
 
 
-def motions() -> tuple[Motion, ...]:
-    """All of them."""
-    return (*_linear(), *_sine(), *_beams())
-
-
 def _scene(
     periods: Sequence[float], start: Sequence[float], step: Fraction, count: int, each: Mapping[str, Any], **more: Any
 ) -> dict[str, Any]:
@@ -196,13 +191,17 @@ def _beams() -> tuple[Motion, ...]:
     return (*out, made("light beam, M/m = 1e-3", heavy, begun, step, 101, solvers=VIOLENT))
 
 
+def motions() -> tuple[Motion, ...]:
+    """All of them."""
+    return (*_linear(), *_sine(), *_beams())
+
+
 class Found(NamedTuple):
     """What a propagator made of a motion, angles (count, pendulums) and estimated error, or why it made nothing."""
 
     angles: Floats | None = None
     estimate: float = math.nan
-    refusal: str = ""
-    crash: str = ""
+    why: str = ""  # "refused: ..." or "crashed: ..."
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
@@ -214,35 +213,34 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 def attempt(motion: Motion, name: Propagator, tolerance: float = TOLERANCE) -> Found:
     """Simulate a motion by a propagator."""
     if name in motion.not_asked:
-        return Found(refusal="not asked: it would take minutes")
+        return Found(why="refused: not asked, it would take minutes")
     simulation = {"propagator": name, "tolerance": tolerance}
     try:
         truth = simulate(Scene.model_validate({**motion.scene, "simulation": simulation}))[1]
     except (IsochronyError, ValidationError) as refusal:
-        return Found(refusal=str(refusal))
+        return Found(why=f"refused: {refusal}")
     except Exception as fault:  # whatever it is, the row shows it as the failure of this cell
-        return Found(crash=f"{type(fault).__name__}: {fault}")
+        return Found(why=f"crashed: {type(fault).__name__}: {fault}")
     estimate = next(node.attrs["estimated_error"] for node in truth.subtree if "estimated_error" in node.attrs)
     return Found(np.asarray(truth["truth/theta"].values).T[: motion.count], float(estimate))
 
 
 def judge(motion: Motion, found: Mapping[Propagator, Found]) -> Row:
     """One row: cells, those that are wrong without a word, and those that declined though they must not."""
-    silent, unlisted, missed = [], [], []
+    faults: dict[str, list[str]] = {"silently_wrong": [], "refused_unlisted": [], "bound_missed": []}
     cells: dict[str, str] = {}
     for name, one in found.items():
+        cells[name] = one.why
         if one.angles is None:
-            cells[name] = f"crashed: {one.crash}" if one.crash else f"refused: {one.refusal}"
-            if one.crash or name in motion.solvers:
-                unlisted.append(name)
+            if one.why.startswith("crashed") or name in motion.solvers:
+                faults["refused_unlisted"].append(name)
             continue
         error, doubt = error_of(motion, name, one.angles)
         cells[name] = f"{error:.1e} (est. {one.estimate:.0e})"
         if not error <= max(HONEST * one.estimate, ROUNDING) + doubt:
-            silent.append(name)
+            faults["silently_wrong"].append(name)
         elif name in motion.solvers and error > motion.bounds.get(name, BOUND) + doubt:
-            missed.append(name)
-    faults = {"silently_wrong": silent, "refused_unlisted": unlisted, "bound_missed": missed}
+            faults["bound_missed"].append(name)
     told = {name: ", ".join(each) for name, each in faults.items()}
     return {"motion": motion.name, **cells, **told, "truth": motion.source, "pass": not any(faults.values())}
 
@@ -252,26 +250,15 @@ def error_of(motion: Motion, name: Propagator, angles: Floats) -> tuple[float, f
 
     An angle that stays zero counts in rad.
     """
-    rows = compared(motion)
-    instants = [motion.step * row for row in rows]
-    true, doubt = (motion.true(instants), motion.apart) if motion.true is not None else _another(motion, name)
+    rows = np.unique(np.linspace(0, motion.count - 1, min(motion.count, MOST)).astype(np.int64))
+    if motion.true is not None:
+        true, doubt = motion.true([motion.step * row for row in rows.tolist()]), motion.apart
+    else:  # a different propagator, at a tighter tolerance
+        others: list[Propagator] = [each for each in ("explicit", "radau") if each != name]
+        answers = (attempt(motion, other, TOLERANCE * _TIGHTER) for other in others)
+        other = next((each for each in answers if each.angles is not None), Found(np.full_like(angles, np.nan)))
+        true, doubt = np.asarray(other.angles)[rows], other.estimate
     size = np.max(np.abs(true), axis=0, initial=0.0)
     worst = float(np.max(np.abs(angles[rows] - true) / np.where(size > 0.0, size, 1.0), initial=0.0))
     fastest = 2.0 * math.pi / min(each["period"] for each in motion.scene["pendulums"])
     return (worst if math.isfinite(worst) else math.inf), doubt + ROUNDED * fastest * float(motion.step * motion.count)
-
-
-def compared(motion: Motion) -> list[int]:
-    """Readings that are compared."""
-    spread = np.linspace(0, motion.count - 1, min(motion.count, MOST))
-    return [int(row) for row in np.unique(spread.astype(np.int64))]
-
-
-def _another(motion: Motion, name: Propagator) -> tuple[Floats, float]:
-    """Angles by a different propagator, at a tighter tolerance; its doubt."""
-    others: tuple[Propagator, ...] = ("explicit", "radau")
-    for other in (each for each in others if each != name):
-        found = attempt(motion, other, TOLERANCE * _TIGHTER)
-        if found.angles is not None:
-            return found.angles[compared(motion)], found.estimate
-    return np.full((len(compared(motion)), len(motion.scene["pendulums"])), np.nan), math.nan

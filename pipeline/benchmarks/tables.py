@@ -32,7 +32,7 @@ import numpy as np
 
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import write_text
-from pipeline.plots.canvas import GREY, PALETTE, legend, panel, save, sheet
+from pipeline.plots.canvas import GREY, PALETTE, color_of, legend, panel, save, sheet
 from pipeline.provenance import versions
 from synth.kernels.cache import PACKAGES, ROOT
 
@@ -61,11 +61,11 @@ def draws() -> bool:
     return importlib.util.find_spec("matplotlib") is not None
 
 
-def progress(items: Iterable[Item], what: str, total: int | None = None) -> Iterator[Item]:
+def progress(items: Iterable[Item], what: str) -> Iterator[Item]:
     """Pass items on; draw a bar if stderr is a terminal."""
     from tqdm import tqdm
 
-    yield from tqdm(items, desc=what, total=total, disable=None, leave=False)
+    yield from tqdm(items, desc=what, disable=None, leave=False)
 
 
 def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:
@@ -192,9 +192,11 @@ def read_history(path: Path) -> list[Row]:
 def append_history(path: Path, suite: str, rows: Sequence[Row], *, quick: bool) -> None:
     """Append the ratios among a suite's rows, with date, machine and versions, and draw the file beside it (PNG)."""
     lines = read_history(path)
-    date = datetime.now(UTC).isoformat(timespec="seconds")
-    machine = f"{platform.node()}, {platform.machine()}, {os.cpu_count()} processors"
-    run = {"date": date, "machine": machine, "versions": json.loads(versions()), "suite": suite, "quick": quick}
+    run = {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "machine": f"{platform.node()}, {platform.machine()}, {os.cpu_count()} processors",
+        "versions": json.loads(versions()), "suite": suite, "quick": quick,
+    }  # fmt: skip
     ratios = [row for row in rows if str(row.get("unit", "")).startswith(RATIO) and math.isfinite(row["value"])]
     new = [run | {key: row[key] for key in ("bar", "value", "limit")} for row in ratios]
     if not new:
@@ -216,20 +218,20 @@ def draw_history(lines: Sequence[Row], path: Path) -> None:
     runs = list(dict.fromkeys(line["date"] for line in lines))
     figure = sheet("Ratios of processor times", f"from {runs[0]} to {runs[-1]} · above 1 a bar holds", 14.0, 6.5)
     axes = panel(figure, figure.add_gridspec(1, 1)[0], "", "run", "ratio over its limit", yscale="log")
-    for number, bar in enumerate(bars := dict.fromkeys(line["bar"] for line in judged)):
-        points = []
-        for line in (line for line in judged if line["bar"] == bar):
-            limit, value = float(line["limit"][3:]), line["value"]
-            points.append((runs.index(line["date"]) + 1, limit / value if line["limit"][0] == "<" else value / limit))
-            words = f"{bar}: {value:.3g} ({line['limit']})"
-        color, style = PALETTE[number % len(PALETTE)], "o-" if number < len(PALETTE) else "o--"
-        axes.plot(*zip(*points, strict=True), style, color=color, markersize=4, label=words)
     axes.axhline(1.0, color=GREY, linewidth=0.8, linestyle="--")
+    for number, bar in enumerate(dict.fromkeys(line["bar"] for line in judged)):
+        some = [line for line in judged if line["bar"] == bar]
+        places = [runs.index(line["date"]) + 1 for line in some]
+        ratios = [(line["value"] / float(line["limit"][3:])) ** (-1 if line["limit"][0] == "<" else 1) for line in some]
+        words, style = (
+            f"{bar}: {some[-1]['value']:.3g} ({some[-1]['limit']})",
+            "o--" if number >= len(PALETTE) else "o-",
+        )
+        axes.plot(places, ratios, style, color=color_of(number), markersize=4, label=words)
     axes.set_xticks(range(1, len(runs) + 1))
-    axes.set_ylim(min(axes.get_ylim()[0], 0.5), max(axes.get_ylim()[1], 2.0))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.minorticks_off()
-    if bars:
+    if judged:
         legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5), labelspacing=0.8)
     save(figure, path)

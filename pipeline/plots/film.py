@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -43,38 +44,36 @@ class Strip(NamedTuple):
     left: int
     right: int
 
-    @property
-    def rows(self) -> slice:
-        """Its rows."""
-        return slice(self.first, self.stop)
-
 
 def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
     """Draw a film and what was read of it, time to the right: all of it, or from `start` to `stop`, s.
 
     `UsageError` where the film shows nothing of that time.
     """
-    rows = _rows(reading, start, stop)
+    from pipeline.film.reading import accepted_fraction, share_read
+
+    rows, samples = _rows(reading, start, stop), reading.samples.column
     seconds = reading.axis.seconds
     known = np.flatnonzero(np.isfinite(seconds))
     per_row = float(np.ptp(seconds[known[[0, -1]]]) / np.ptp(known)) if known.size > 1 else 0.0
-    heading = "Film, and what was read of it", _subtitle(reading)
-    figure, strips = _sheet(reading.scan, *heading, rows, _reach(reading, *rows), per_row)
+    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), float(np.isnan(samples).mean()))
+    told = part, f"{reading.marks.size} marks", f"{reading.kind} reading", ", ".join(reading.flags) or "no flags"
+    words = " · ".join([", ".join(path.name for path in reading.scan.paths), *told])
+    figure, strips = _sheet(reading.scan, "Film, and what was read of it", words, rows, _reach(reading, *rows), per_row)
     for axes, strip in strips:
-        _draw_traces(axes, reading, strip)
-        if known.size > 1 and (reading.kind == "strobe" or (strip.stop - strip.first) * 4 <= _DOTS):
-            _draw_strobe(axes, reading, strip, known)
+        _draw_traces(axes, reading, strip, known)
         _draw_marks(axes, reading, strip)
         _draw_flags(axes, reading, strip)
-        _label_time(axes, seconds[strip.rows], strip)
+        _label_time(axes, seconds[strip.first : strip.stop], strip)
     _legend(figure, reading)
     return figure
 
 
 def unread_figure(scan: OpenScan, why: str) -> Figure:
     """Draw a film that could not be read, and say in one line why."""
-    words = why if len(why) < 190 else why[:187] + "..."
-    figure, strips = _sheet(scan, "Film, not read", words, (0, scan.rows), (0, scan.columns), 0.0)
+    figure, strips = _sheet(
+        scan, "Film, not read", shorten(why, 190, placeholder="..."), (0, scan.rows), (0, scan.columns), 0.0
+    )
     for axes, strip in strips:
         _label_time(axes, np.empty(0), strip)
     return figure
@@ -126,27 +125,24 @@ def _sheet(
     return figure, strips
 
 
-def _draw_traces(axes: Axes, reading: Reading, strip: Strip) -> None:
-    """Readings as dots where there is room for them, else as lines; the course thin through the gaps."""
-    tracks = reading.tracks
-    rows = np.arange(strip.first, strip.stop) + 0.5
-    for trace, course in enumerate(tracks.course[:, strip.rows]):
+def _draw_traces(axes: Axes, reading: Reading, strip: Strip, known: NDArray[np.int64]) -> None:
+    """Readings as dots where there is room for them, the course as a line, thin through the gaps; places read at the
+    marks as rings.
+    """
+    tracks, axis, strobe = reading.tracks, reading.axis, reading.strobe
+    rows = np.arange(strip.first, strip.stop)
+    marked = known.size > 1 and (reading.kind == "strobe" or rows.size * 4 <= _DOTS)
+    at = np.interp(strobe.index * axis.interval, axis.seconds[known], known + 0.5, np.nan, np.nan) if marked else None
+    for trace, course in enumerate(tracks.course[:, rows]):
         color = _TRACES[trace % len(_TRACES)]
-        axes.plot(rows, course, color=color, linewidth=0.5, alpha=0.55)
+        axes.plot(rows + 0.5, course, color=color, linewidth=0.5, alpha=0.55)
         if rows.size <= _FINE * _DOTS:
-            size = float(np.clip(2.5 * _DOTS / rows.size, 0.8, 5.0))
-            axes.plot(rows, tracks.position[trace, strip.rows], ".", color=color, markersize=size, markeredgewidth=0)
-
-
-def _draw_strobe(axes: Axes, reading: Reading, strip: Strip, known: NDArray[np.int64]) -> None:
-    """Places read at the marks, as rings."""
-    axis = reading.axis
-    seconds = reading.strobe.index * axis.interval
-    at = np.interp(seconds, axis.seconds[known], known + 0.5, left=np.nan, right=np.nan)
-    for trace, column in enumerate(reading.strobe.position):
-        rows = at + axis.offset[trace] + axis.shear * column
-        shown, color = (rows >= strip.first) & (rows < strip.stop), _TRACES[trace % len(_TRACES)]
-        axes.plot(rows[shown], column[shown], "o", markersize=4, fillstyle="none", markeredgewidth=0.8, color=color)
+            size, position = float(np.clip(2.5 * _DOTS / rows.size, 0.8, 5.0)), tracks.position[trace, rows]
+            axes.plot(rows + 0.5, position, ".", color=color, markersize=size, markeredgewidth=0)
+        if at is not None:
+            ring: Any = {"markersize": 4, "fillstyle": "none", "markeredgewidth": 0.8, "color": color}
+            column = strobe.position[trace]
+            axes.plot(at + axis.offset[trace] + axis.shear * column, column, "o", **ring)
 
 
 def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
@@ -168,7 +164,7 @@ def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Each trace's flags as a bar along the lower edge."""
     from matplotlib.colors import to_rgb
 
-    flags, wide = reading.row_flags[:, strip.rows], strip.right - strip.left
+    flags, wide = reading.row_flags[:, strip.first : strip.stop], strip.right - strip.left
     high = 0.055 * wide / len(flags)
     for trace, qc in enumerate(flags):
         worst = [np.bitwise_or.reduce(block) for block in np.array_split(qc, min(_DOTS, qc.size))]
@@ -193,16 +189,6 @@ def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
     ticks = ticks[(ticks >= begin) & (ticks <= end)]
     rows = np.interp(ticks, seconds[known], known + strip.first + 0.5)
     axes.set_xticks(rows, [f"{tick:g} s" for tick in ticks])
-
-
-def _subtitle(reading: Reading) -> str:
-    from pipeline.film.reading import accepted_fraction, share_read
-
-    named = ", ".join(path.name for path in reading.scan.paths)
-    raised = ", ".join(reading.flags) or "no flags"
-    missing = float(np.isnan(reading.samples.column).mean())
-    part = share_read(reading.kind, accepted_fraction(reading.tracks, reading.axis), missing)
-    return f"{named} · {part} · {reading.marks.size} marks · {reading.kind} reading · {raised}"
 
 
 def _legend(figure: Figure, reading: Reading) -> None:

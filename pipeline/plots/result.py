@@ -54,9 +54,8 @@ def _draw_zoom(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
         note(axes, "no reading here")
         return
     # With few readings a line between them would suggest a motion that was not seen.
-    dense = shown.sum() > 8 * _ZOOM
-    line, marker, size = ("-", "", 0) if dense else ("", "o", 2.5)
-    axes.plot(time[shown] - start, trace[shown] * angle, line + marker, markersize=size, color=color)
+    style = "-" if shown.sum() > 8 * _ZOOM else "o"
+    axes.plot(time[shown] - start, trace[shown] * angle, style, markersize=2.5, color=color)
     axes.set_xlim(0.0, min(_ZOOM, float(time[-1])))
 
 
@@ -187,14 +186,15 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     methods = _labels(result, "gravity", "estimator")
     offset = (values(result, "gravity", "gravity") - origin) / _MILLIGAL
     sigma = values(result, "gravity", "gravity_sigma")
-    rows = np.arange(len(methods))[::-1]
-    smallest = _linear_part(offset, sigma)
+    rows, good = np.arange(len(methods))[::-1], np.isfinite(offset)
+    bars = np.where(np.isfinite(sigma), sigma, 0.0)
+    sizes = np.abs(np.concatenate([offset, bars]))
+    # half-width of the linear part of the scale: a power of ten below which methods are not to be distinguished
+    smallest = 10.0 ** np.floor(np.log10(max(np.percentile(sizes[sizes > 0.0], 20), 1e-4))) if sizes.any() else 1e-3
     axes.set_xscale("symlog", linthresh=smallest, linscale=0.6)
     axes.axvline(0.0, color=canvas.GREEN, linewidth=1.2)
-    good = np.isfinite(offset)
-    bars = np.where(np.isfinite(sigma), sigma, 0.0)
     axes.errorbar(offset[good], rows[good], xerr=bars[good], fmt="o", color=canvas.BLUE, capsize=3, markersize=5)
-    told = [f"{_signed(shift)} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
+    told = [f"{_rounded(shift, '+')} ± {_rounded(size)}" for shift, size in zip(offset, sigma, strict=True)]
     labels = [f"{name}\n{told[row] if good[row] else 'refused'}" for row, name in enumerate(methods)]
     axes.set_yticks(rows, labels)
     largest = float(np.max(np.abs(offset[good]) + bars[good], initial=smallest))
@@ -203,32 +203,15 @@ def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> No
     whole = int(np.log10(largest / smallest))
     decades = smallest * 10.0 ** np.array([whole // 2, whole] if whole > 2 else [whole])
     axes.set_xticks([*-decades[::-1], 0.0, *decades])
-    axes.xaxis.set_major_formatter(lambda tick, _place: _minus(f"{tick:g}"))
+    axes.xaxis.set_major_formatter(lambda tick, _place: _rounded(tick))
     axes.minorticks_off()
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("error, mGal (log scale)" if true_gravity is not None else f"mGal from {best} (log scale)")
 
 
-def _signed(value: float) -> str:
-    return _minus(f"{value:+.{2 if abs(value) < 100.0 else 4}g}" if value else "0")
-
-
-def _rounded(size: float) -> str:
-    """Two digits of a size, hundreds in full: 240, not 2.4e+02."""
-    return f"{float(f'{size:.2g}'):g}"
-
-
-def _minus(text: str) -> str:
-    """A typographic minus, as the axes have it."""
-    return text.replace("-", "−")
-
-
-def _linear_part(offset: Floats, sigma: Floats) -> float:
-    """Half-width of the linear part of the scale: a power of ten below which no method is told apart."""
-    sizes = np.concatenate([np.abs(offset), sigma])
-    sizes = sizes[np.isfinite(sizes) & (sizes > 0.0)]
-    smallest = max(float(np.percentile(sizes, 20)) if sizes.size else 1e-3, 1e-4)
-    return float(10.0 ** np.floor(np.log10(smallest)))
+def _rounded(size: float, sign: str = "") -> str:
+    """Two digits of a size, hundreds in full (240, not 2.4e+02), with a typographic minus as the axes have it."""
+    return f"{float(f'{size:.2g}'):{sign if size else ''}g}".replace("-", "−")
 
 
 def _labels(tree: DataTree, group: str, name: str) -> list[str]:
@@ -292,9 +275,9 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float, reach: float) -> 
     axes.axhspan(-0.1, 0.1, color=canvas.ORANGE, alpha=0.18, linewidth=0)
     axes.annotate("±0.1 %", (1.005, 0.0), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
     # Where the swing has nearly died its cycles scatter most: they must not press all others onto one line.
-    low, high = robust_limits(np.concatenate(shown), hidden=4.0)
-    low, high = min(low, -0.25), max(high, 0.25)
-    outside = int(sum(((values < low) | (values > high)).sum() for values in shown))
+    every = np.concatenate(shown)
+    low, high = np.array(robust_limits(every, hidden=4.0)).clip([-np.inf, 0.25], [-0.25, np.inf]).tolist()
+    outside = int(((every < low) | (every > high)).sum())
     words = "amplitude, rad" + (f" ({outside} points lie beyond the frame)" if outside else "")
     axes.set(xlim=(0.0, reach), ylim=(low, high), xlabel=words)
     legend(axes, loc="lower right", ncols=2)
@@ -331,9 +314,8 @@ def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
         if np.isfinite(since):
             axes.axvline(since, color=color, linestyle=":", linewidth=1.0)
     low, high = axes.get_ylim()
-    middle, reach = 0.5 * (low + high), max(0.5 * (high - low), _LEAST_REACH)
-    low, high = middle - reach, middle + reach
-    axes.set_ylim(low, high)
+    wider = max(_LEAST_REACH - 0.5 * (high - low), 0.0)
+    low, high = axes.set_ylim(low - wider, high + wider)
     for quarter in range(int(np.ceil(4.0 * low)), int(np.floor(4.0 * high)) + 1) if high - low < 4.0 else ():
         axes.axhline(0.25 * quarter, color=canvas.GREY, linewidth=0.6, linestyle="--")
         place, word = (1.005, 0.25 * quarter), _MARKS[quarter % 4]

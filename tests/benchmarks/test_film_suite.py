@@ -50,7 +50,7 @@ def test_a_refused_film_has_its_row(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         raise RefusedError("no trace")
 
     monkeypatch.setattr(film, "own_reading", refuse)
-    monkeypatch.setattr(film, "readings", lambda scan, truth: iter(()))
+    monkeypatch.setattr(film, "peers", lambda path, truth: iter(()))
     (row,) = film.rows_of(Case("grain", 0.02, scene(10.0), Film()), tmp_path / "a.film.tif")
     assert row["refused"] == "no trace"
     assert row["accepted"] == 0.0
@@ -59,13 +59,12 @@ def test_a_refused_film_has_its_row(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_hard_films_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read, refused, wrong, hardly read: only the wrong one fails, and only the well read one counts."""
 
-    class Found:
-        def __init__(self, accepted: float, wrong: float) -> None:
-            self.scores = {"accepted": accepted, "wrong_unflagged": wrong, "slipped": 0.0}
+    def found(accepted: float, wrong: float) -> dict[str, float]:
+        return {"accepted": accepted, "wrong_unflagged": wrong, "slipped": 0.0}
 
-    answers = iter([Found(0.9, 0.0), RefusedError("no"), Found(0.9, 0.01), Found(0.2, 0.0)])
+    answers = iter([found(0.9, 0.0), RefusedError("no"), found(0.9, 0.01), found(0.2, 0.0)])
 
-    def answer(*_: object) -> Found:
+    def answer(*_: object) -> dict[str, float]:
         given = next(answers)
         if isinstance(given, Exception):
             raise given

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pipeline.benchmarks.integrators import Point
-
 pytest.importorskip("matplotlib")
 
-METHODS = (("closed form", True), ("explicit", True), ("heyoka", False), ("scipy DOP853", False))
+METHODS = ("closed form", "explicit", "heyoka", "scipy DOP853")
 
 
-def points(shift: float = 1.0) -> list[Point]:
+def rows(shift: float = 1.0) -> list[dict[str, Any]]:
+    shared = {"problem": "a problem", "reference": "nothing", "note": ""}
     found = [
-        Point("p", method, own, 10.0**-k, 10.0 ** -(k + shift * i), 10.0**-k, (1e-3 * k * (i + 1),))
-        for i, (method, own) in enumerate(METHODS)
+        shared | {"method": method, "error": 10.0 ** -(k + shift * i), "ms": float(k * (i + 1))}
+        for i, method in enumerate(METHODS)
         for k in (6, 9, 12)
     ]
-    return [*found, Point("p", "CyRK RADAU", False, 1e-9, note="not installed: extra 'peers'")]
+    absent = {"method": "CyRK RADAU", "error": math.nan, "ms": math.nan, "note": "not installed: extra 'peers'"}
+    return [*found, shared | absent]
 
 
 def inked(path: Path) -> int:
@@ -33,8 +35,8 @@ def inked(path: Path) -> int:
 def test_a_line_for_each_method(tmp_path: Path) -> None:
     from pipeline.benchmarks.integrators import draw
 
-    for name, some in (("all", points()), ("few", points()[:3]), ("none", points()[-1:])):
-        draw({"a problem": ("nothing", some)}, tmp_path / f"{name}.png")
+    for name, some in (("all", rows()), ("few", rows()[:3]), ("none", rows()[-1:])):
+        draw({"a problem": some}, tmp_path / f"{name}.png")
     none, few, every = (inked(tmp_path / f"{name}.png") for name in ("none", "few", "all"))
     assert 0 < none < few < every
 

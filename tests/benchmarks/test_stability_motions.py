@@ -60,11 +60,11 @@ def test_where_the_truth_is_a_limit_its_distance_is_granted() -> None:
 
 
 def test_only_listed_cells_may_decline_and_none_may_crash() -> None:
-    refused = Found(refusal="why")
+    refused = Found(why="refused: why")
     assert judge(MOTIONS["1 rad"], {"radau": refused})["refused_unlisted"] == "radau"
     assert judge(MOTIONS["1 rad"], {"closed-form": refused})["pass"]  # not made for the sine
     assert judge(MOTIONS["3.1 rad"], {"picard": refused})["pass"]
-    row = judge(MOTIONS["1 rad"], {"closed-form": Found(crash="TypeError: x")})
+    row = judge(MOTIONS["1 rad"], {"closed-form": Found(why="crashed: TypeError: x")})
     assert row["refused_unlisted"] == "closed-form"
     assert row["closed-form"].startswith("crashed")
 
@@ -74,9 +74,9 @@ def test_faults_and_refusals_of_a_propagator_are_told_apart(monkeypatch: pytest.
         raise RefusedError("too stiff") if scene.simulation.propagator == "radau" else ZeroDivisionError("x")
 
     monkeypatch.setattr(stability, "simulate", answer)
-    assert attempt(MOTION, "radau").refusal == "too stiff"
-    assert attempt(MOTION, "explicit").crash == "ZeroDivisionError: x"
-    assert attempt(MOTIONS["1e7 s long, every 10 s"], "radau").refusal.startswith("not asked")
+    assert attempt(MOTION, "radau").why == "refused: too stiff"
+    assert attempt(MOTION, "explicit").why == "crashed: ZeroDivisionError: x"
+    assert attempt(MOTIONS["1e7 s long, every 10 s"], "radau").why.startswith("refused: not asked")
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_the_closed_form_meets_every_linear_motion(motion: str) -> None:
 
 @pytest.mark.parametrize("motion", ["1 rad", "beam 1e2 times stiffer", "overdamped, 10 /s"])
 def test_the_closed_form_declines_what_it_is_not_made_for(motion: str) -> None:
-    assert "closed-form" in attempt(MOTIONS[motion], "closed-form").refusal
+    assert "closed-form" in attempt(MOTIONS[motion], "closed-form").why
 
 
 def test_truth_of_the_linear_pendulum_obeys_its_equation() -> None:

@@ -171,7 +171,8 @@ def of_the_law(fit: Fitted) -> float:
     """
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
-    rejected -= _knocked(fit) + 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
+    rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
+    rejected -= _knocked(fit)
     return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 

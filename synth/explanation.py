@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -26,22 +25,7 @@ from synth.recording.clock import Clock, set_clock
 _MOST_PERIODS = 4
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """How a scene is computed."""
-
-    pendulums: str  # How many, and their periods
-    terms: dict[str, str]  # Terms of the equations of motion, each in words with its numbers
-    left_out: tuple[str, ...]  # Terms that the scene does not name: no code is compiled or run for them
-    readings: str  # How many, and when
-    propagator: str  # As the truth calls it
-    why: str  # In one line
-    instead: tuple[str, ...]  # Who would stand in for it, should it refuse
-    tolerance: float | None  # Error that the scene asks for
-    expected_error: float  # Of the largest angle
-
-
-def explain(scene: Scene) -> Explanation:
+def explain(scene: Scene) -> dict[str, Any]:
     """Say which terms a scene has, who would integrate them, why, and how exactly.
 
     `SceneError` if the scene cannot be simulated.
@@ -50,17 +34,17 @@ def explain(scene: Scene) -> Explanation:
     whole = plan(scene, clock)
     terms, choice = _terms(scene, whole), whole.choice
     present = {name: words for name, words in terms.items() if words}
-    return Explanation(
-        _periods(scene.pendulums),
-        present if whole.caution is None else present | {"caution": whole.caution},
-        tuple(name for name, words in terms.items() if not words),
-        _samples(scene, clock),
-        whole.propagator,
-        choice.why,
-        tuple(NAMES[name] for name in choice.instead),
-        whole.tolerance,
-        choice.expected_error(whole.tolerance),
-    )
+    return {
+        "pendulums": _periods(scene.pendulums),
+        "terms": present if whole.caution is None else present | {"caution": whole.caution},
+        "left_out": tuple(name for name, words in terms.items() if not words),  # no code is compiled or run for them
+        "readings": _samples(scene, clock),
+        "propagator": whole.propagator,
+        "why": choice.why,
+        "instead": tuple(NAMES[name] for name in choice.instead),  # should it refuse
+        "tolerance": whole.tolerance,
+        "expected_error": choice.expected_error(whole.tolerance),  # of the largest angle
+    }
 
 
 def _terms(scene: Scene, whole: Plan) -> dict[str, str]:

@@ -244,8 +244,17 @@ def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:
     """
     choice = plan.choice
     if choice.propagator == "picard":
+        from synth.propagators.picard import PicardPlan  # only here: it brings numba
+
+        rates = np.array([each.damping_rate for each in plan.responses])
+        starts, is_linear = np.array([start_state(each) for each in plan.responses]), plan.scene.restoring == "linear"
+        motion = plan.motion, plan.lift, plan.gravity
         try:
-            theta, error = _collocated(plan)
+            # samples of a clock are in order of time, none before the start
+            collocation = PicardPlan(
+                np.array(plan.frequencies), rates, starts, *motion, plan.times, is_linear, plan.kicks
+            )
+            theta, error = collocation.elongation()
         except RefusedError:
             if not choice.instead:
                 raise
@@ -259,17 +268,3 @@ def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:
     asked = choice.aim if plan.tolerance is None else plan.tolerance
     rows, error, name = integrated(plan.assembly(), able, seconds, asked)
     return rows, error, NAMES[name]
-
-
-def _collocated(plan: Plan) -> tuple[Floats, float]:
-    """Angles, (pendulums, moments) rad, and their estimated error."""
-    from synth.propagators.picard import PicardPlan  # only here: it brings numba
-
-    responses = plan.responses
-    frequencies, rates = (
-        np.array([getattr(each, name) for each in responses]) for name in ("frequency", "damping_rate")
-    )
-    starts, is_linear = np.array([start_state(each) for each in responses]), plan.scene.restoring == "linear"
-    motion = plan.motion, plan.lift, plan.gravity
-    # samples of a clock are in order of time, none before the start
-    return PicardPlan(frequencies, rates, starts, *motion, plan.times, is_linear, plan.kicks).elongation()

@@ -38,10 +38,10 @@ def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
 def simulated(scene: Scene) -> tuple[Contents, Contents]:
     """Record and truth of a scene as plain contents; what `simulate` makes trees of."""
     records, truths = zip(*stream(scene, set_clock(scene)), strict=True)
-    return _joined(records), _joined(truths)
+    return joined(records), joined(truths)
 
 
-def _joined(chunks: Sequence[Contents]) -> Contents:
+def joined(chunks: Sequence[Contents]) -> Contents:
     """Chunks of one content put together along time; what does not change with it, and attributes, of the last."""
 
     def whole(path: str, name: str, last: Entry) -> Entry:

@@ -155,21 +155,19 @@ def find_scene(name: str, out: str | None, ending: str) -> tuple[Path, str | Non
 
 def print_explanation(scene: Scene, *, as_json: bool) -> None:
     """Print terms, propagator, why and expected error; nothing is simulated or written."""
-    from dataclasses import asdict
-
     from synth.explanation import explain
 
     told = explain(scene)
     if as_json:
-        print_json({"record_id": scene.record_id, "title": scene.title, **asdict(told)})
+        print_json({"record_id": scene.record_id, "title": scene.title, **told})
         return
-    wanted = "none: as exact as the propagator can" if told.tolerance is None else power(told.tolerance)
-    refused = {"if it refuses": ", then ".join(told.instead)} if told.instead else {}
-    error = {"tolerance": wanted, "expected error": f"{power(told.expected_error)} of the largest angle"}
+    wanted = "none: as exact as the propagator can" if told["tolerance"] is None else power(told["tolerance"])
+    refused = {"if it refuses": ", then ".join(told["instead"])} if told["instead"] else {}
+    error = {"tolerance": wanted, "expected error": f"{power(told['expected_error'])} of the largest angle"}
     blocks = {
-        "scene": {"pendulums": told.pendulums, "readings": told.readings},
-        "terms": told.terms | {"left out": ", ".join(told.left_out) or "nothing"},
-        "propagator": {"chosen": told.propagator, "why": told.why, **refused, **error},
+        "scene": {"pendulums": told["pendulums"], "readings": told["readings"]},
+        "terms": told["terms"] | {"left out": ", ".join(told["left_out"]) or "nothing"},
+        "propagator": {"chosen": told["propagator"], "why": told["why"], **refused, **error},
     }
     print(f"{scene.record_id}: {scene.title}" if scene.title else scene.record_id)
     for heading, entries in blocks.items():

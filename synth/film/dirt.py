@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 
 import numpy as np
@@ -29,10 +28,6 @@ class Dirt:
             )
         self._film, self._geometry, self._seed = film, geometry, seed
         self._strokes = np.concatenate([_scratches(film, geometry, seed), _handwriting(film, geometry, seed)])
-        reach = self._strokes[:, 4] + 1.0
-        self._top = self._strokes[:, [0, 2]].min(axis=1) - reach
-        self._bottom = self._strokes[:, [0, 2]].max(axis=1) + reach
-        self._specks = functools.lru_cache(maxsize=3)(self._dust)
         self._tear = _tear(film, geometry, seed) if film.torn_end else None
 
     def soil(self, image: Pixels, first: int) -> None:
@@ -40,9 +35,9 @@ class Dirt:
         if self._film.dust:
             number = first // STRIP
             for strip in range(number - 1, number + 2):
-                draw_strokes(image, first, self._specks(strip))
+                draw_strokes(image, first, self._dust(strip))
         if self._strokes.size:
-            draw_strokes(image, first, self._strokes[(self._bottom >= first) & (self._top <= first + len(image))])
+            draw_strokes(image, first, self._strokes)
         if self._tear is not None:
             self._tear_off(image, first, self._tear)
 

@@ -122,11 +122,6 @@ class Light(NamedTuple):
     end: Floats
     factor: Floats
 
-    def between(self, first: float, last: float) -> Light:
-        """The stretches that touch a time."""
-        here = slice(np.searchsorted(self.end, first, side="left"), np.searchsorted(self.begin, last, side="right"))
-        return Light(self.begin[here], self.end[here], self.factor[here])
-
 
 def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
     """The chronometer's marks at multiples of the interval, and what chance makes of them."""

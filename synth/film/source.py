@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from data_schemas.checking import faults
 from data_schemas.contents import Contents, Group, from_tree
 from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
@@ -64,77 +65,55 @@ def source_of(given: xr.DataTree | Scene) -> Source:
     `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve. `SceneError` as
     `synth.simulate`.
     """
-    if not isinstance(given, Scene):
-        return _of_record(from_tree(given))
-    from synth.recording.clock import set_clock
-    from synth.recording.observe import stated
-    from synth.streaming import stream
-
-    bare = Recording(
-        traces=given.traces, sampling_rate=Fraction(RATE), chronometer_rate=given.recording.chronometer_rate,
-        write_damping=given.recording.write_damping, write_restoring=given.recording.write_restoring,
-    )  # fmt: skip
-    perfect = Scene.model_validate(dict(given) | {"recording": bare})
-    clock = set_clock(perfect)
-    known: dict[str, Any] = {}
-    pieces = []
-    for record, _ in stream(perfect, clock):
-        known = known or _known(record)
-        pieces.append(record["record"].variables["elongation"].values)
-    time = clock.seconds
-    read = np.unique(np.append(np.arange(0.0, time[-1], _BETWEEN), time[-1]))
-    conditions = stated(perfect, read * float(clock.scale)).items()
-    changing = {name: value for name, (dims, value) in conditions if "time" in dims}
-    return Source(
-        **known, readings=_readings(read, changing), longest=1.0, time=time,
-        elongation=np.concatenate(pieces, axis=1), scene=given,
-    )  # fmt: skip
-
-
-def _of_record(record: Contents) -> Source:
-    from data_schemas.checking import faults
-
-    found = faults(record, "record")
+    scene = given if isinstance(given, Scene) else None
+    record = from_tree(given) if not isinstance(given, Scene) else _perfect(given)
+    found = faults(record, "record") if scene is None else []
     if found:
         raise RecordError(f"{found[0]}; mend the record before it is exposed")
-    time: Floats = record[""].variables["time"].values
-    elongation: Floats = record["record"].variables["elongation"].values
-    known = _known(record)
-    step = float(np.median(np.diff(time)))
-    shortest = _shortest_period(known["instrument"], time, elongation)
-    if step > shortest / FEWEST:
+    attrs, variables = record[""].attrs, record["record"].variables
+    instrument = record.get("instrument", Group({}, {}))
+    known = {name: one.values for name, one in instrument.variables.items()}
+    clock = record[""].variables["time"]
+    time: Floats = clock.values
+    elongation: Floats = variables["elongation"].values
+    shortest, step = _shortest_period(known, time, elongation), float(np.median(np.diff(time)))
+    if scene is None and step > shortest / FEWEST:
         raise RecordError(
             f"time: samples {step:g} s apart are too few to draw a swing of {shortest:.4g} s ({FEWEST} to the period"
             f" are needed); simulate with sampling_rate = {np.ceil(FEWEST / shortest):g} or more, or"
             " expose the scene itself"
         )
     at = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _BETWEEN)), time.size - 1))
-    stated = record["instrument"].variables if "instrument" in record else {}
-    changing = {name: one.values[at] for name, one in stated.items() if one.dims == ("time",)}
-    readings = _readings(time[at], changing)
-    return Source(**known, readings=readings, longest=shortest / FEWEST, time=time, elongation=elongation)
+    changing = {name: one.values[at] for name, one in instrument.variables.items() if one.dims == ("time",)}
+    rows = [dict(zip(("time", *changing), row, strict=True)) for row in zip(time[at], *changing.values(), strict=True)]
+    return Source(
+        record_id=str(attrs["record_id"]),
+        title=str(attrs.get("title", "")),
+        start_time=str(clock.attrs.get("units", "")).partition(" since ")[2] or "2000-01-01T00:00:00Z",
+        traces=tuple(str(each) for each in variables["trace"].values),
+        pendulums=tuple(str(each) for each in variables["pendulum"].values),
+        combination=variables["combination"].values,
+        instrument=known,
+        restoring=str(instrument.attrs.get("restoring", "sine")),
+        readings=[{name: float(value) for name, value in row.items()} for row in rows] if changing else [],
+        longest=shortest / FEWEST if scene is None else 1.0,
+        time=time,
+        elongation=elongation,
+        scene=scene,
+    )
 
 
-def _readings(time: Floats, changing: dict[str, Any]) -> list[dict[str, float]]:
-    """What changes, a dictionary a reading; none where nothing does."""
-    rows = ({name: float(each[k]) for name, each in changing.items()} for k in range(time.size))
-    return [{"time": when, **row} for when, row in zip(time.tolist(), rows, strict=True)] if changing else []
+def _perfect(scene: Scene) -> Contents:
+    """The record of a scene without noise and defects of its recording."""
+    from synth.recording.clock import set_clock
+    from synth.streaming import joined, stream
 
-
-def _known(record: Contents) -> dict[str, Any]:
-    attrs, variables = record[""].attrs, record["record"].variables
-    instrument = record.get("instrument", Group({}, {}))
-    units = str(record[""].variables["time"].attrs.get("units", ""))
-    return {
-        "record_id": str(attrs["record_id"]),
-        "title": str(attrs.get("title", "")),
-        "start_time": units.partition(" since ")[2] or "2000-01-01T00:00:00Z",
-        "traces": tuple(str(each) for each in variables["trace"].values),
-        "pendulums": tuple(str(each) for each in variables["pendulum"].values),
-        "combination": variables["combination"].values,
-        "instrument": {name: one.values for name, one in instrument.variables.items()},
-        "restoring": str(instrument.attrs.get("restoring", "sine")),
-    }
+    bare = Recording(
+        traces=scene.traces, sampling_rate=Fraction(RATE), chronometer_rate=scene.recording.chronometer_rate,
+        write_damping=scene.recording.write_damping, write_restoring=scene.recording.write_restoring,
+    )  # fmt: skip
+    perfect = Scene.model_validate(dict(scene) | {"recording": bare})
+    return joined([record for record, _ in stream(perfect, set_clock(perfect))])
 
 
 def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Floats) -> float:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas.scene_recording import Film
 from synth.film.dirt import Dirt
 from synth.film.layout import STRIP, FilmPlan, Light, Pixels
 from synth.film.source import Curves
@@ -61,7 +62,7 @@ class Exposure:
         self._last_node = math.ceil((source.end - source.begin) / self._node)
         self._sigma = film.spot * geometry.pixels
         self._weight = film.speed * geometry.pixels * math.sqrt(2 * math.pi) * self._sigma
-        self._table, self._across = spot_table(self._sigma), np.empty(int(2 * REACH * self._sigma) + 4)
+        self._table = spot_table(self._sigma)
         corners = [(u, o) for u in (0.0, film.paper_width) for o in plan.layout.offset]
         reaches = [geometry.row[2] * u + geometry.row[1] * o for u, o in corners]
         self._lead, self._lag = min(reaches), max(reaches)
@@ -85,8 +86,7 @@ class Exposure:
             column_rate = geometry.column[1] * speed + geometry.column[2] * across_rate
             row, column = geometry.rows_of(along, across), geometry.columns_of(along, across)
             line = Line(nodes, row, row_rate, column, column_rate, swing[k], swing_rate[k])
-            lit = light.between(float(nodes[0]), float(nodes[-1]))
-            draw_line(image, first, line, lit, self._sigma, self._weight, self._table, self._across)
+            draw_line(image, first, line, light, self._sigma, self._weight, self._table)
             cross_rows(first, line, *(values[k] for values in crossings))
         return image, crossings
 
@@ -108,7 +108,6 @@ class Development:
         self._film, self._geometry, self._dirt = film, geometry, Dirt(film, geometry, plan.seed)
         middle = (np.arange(geometry.columns) + 0.5) / geometry.columns * 2.0 - 1.0
         self._brightness = (1.0 - film.vignette * middle**2).astype(np.float32)
-        self._noise = np.zeros((min(STRIP, geometry.rows), geometry.columns), np.float32)
 
     def strip(self, number: int, image: Pixels) -> Pixels:
         """Light from the strip, 0 to 1, in the place of its exposure."""
@@ -119,22 +118,19 @@ class Development:
         down = np.arange(first, first + rows) + 0.5 - geometry.corner[0]
         at_left = (0.5 - geometry.corner[1]) * math.cos(geometry.turn) - down * math.sin(geometry.turn)
         fog = np.maximum(film.fog + film.fog_gradient * (at_left / geometry.width - 0.5), 0.0)
-        develop(image, left, right, fog, rise, film.density_max, film.half_exposure, film.gamma)
+        develop(image, left, right, fog, rise, film)
         self._dirt.soil(image, first)
-        noise = self._noise[:rows]
         if film.grain:
-            generator(self._seed, f"film grain {number}").standard_normal(out=noise, dtype=np.float32)
-        grain = np.float32(film.grain * film.dpi / 300.0)
-        scan(image, noise, grain, np.float32(-math.log(10.0) / _SCANNER_RANGE), self._brightness)
+            noise = generator(self._seed, f"film grain {number}").standard_normal(image.shape, dtype=np.float32)
+            noise *= np.float32(film.grain * film.dpi / 300.0)
+            image += noise * np.sqrt(np.maximum(image, np.float32(0.0)))
+        scan(image, np.float32(-math.log(10.0) / _SCANNER_RANGE), self._brightness)
         if film.polarity == "positive":
             np.subtract(np.float32(1.0), image, out=image)
         return image
 
 
-def develop(
-    image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, density_max: float,
-    half_exposure: float, gamma: float,
-) -> None:  # fmt: skip
+def develop(image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, film: Film) -> None:
     """Turn exposure (rows, columns) into density, in place, by the characteristic curve; what is not paper gets none.
 
     `left` and `right` are the first column of the paper in each row and the one after its last; `fog` is that of each
@@ -142,20 +138,19 @@ def develop(
     """
     column = np.arange(image.shape[1])
     density = fog[:, None] + fog_rise * column
-    lit = image > 1e-6 * half_exposure
-    ratio = half_exposure / image[lit].astype(np.float64)
-    density[lit] += (density_max - density[lit]) / (1.0 + ratio**gamma)
+    lit = image > 1e-6 * film.half_exposure
+    ratio = film.half_exposure / image[lit].astype(np.float64)
+    density[lit] += (film.density_max - density[lit]) / (1.0 + ratio**film.gamma)
     density[(column < left[:, None]) | (column >= right[:, None])] = 0.0
     image[:] = density
 
 
-def scan(image: Pixels, noise: Pixels, grain: np.float32, scale: np.float32, brightness: Pixels) -> None:
+def scan(image: Pixels, scale: np.float32, brightness: Pixels) -> None:
     """Turn density (rows, columns) into the light that the scanner sees, 0 to 1, in place.
 
-    The noise is standard normal, the grain 1 sigma of the density where it is 1; `scale` is the natural logarithm of
-    the light per density, negative; the brightness that of the scanner's lamp, (columns,).
+    `scale` is the natural logarithm of the light per density, negative; the brightness that of the scanner's lamp,
+    (columns,).
     """
-    image += grain * np.sqrt(np.maximum(image, np.float32(0.0))) * noise
     np.maximum(image, np.float32(0.0), out=image)
     image *= scale
     np.exp(image, out=image)
@@ -220,23 +215,20 @@ def _cubic(x: float, start: float, rate: float, stop: float, end_rate: float, sp
 
 
 @kernel
-def draw_line(
-    image: Pixels, first: int, line: Line, lit: Light, sigma: float, weight: float, table: Floats, across: Floats
-) -> None:
+def draw_line(image: Pixels, first: int, line: Line, lit: Light, sigma: float, weight: float, table: Floats) -> None:
     """Add the light of one trace to some rows of the image.
 
     Each pixel gets the mean over its area. Stretches of light are cut into steps short against the spot, and the spot
     is put down at the two places of Gauss in each: exact to 1e-6, and to 3e-4 at the edge of a gap.
 
     The image is (rows, columns) float32, its first row number `first` of the film; sigma is that of the spot, px; the
-    weight exposure per second times the area of a pixel; the table that of `spot_table`; `across` work space of at
-    least 2 REACH sigma + 3 places.
+    weight exposure per second times the area of a pixel; the table that of `spot_table`.
     """
     time, row, row_rate, column, column_rate, _, _ = line
     begin, end, light = lit
     rows, columns = image.shape
     reach = REACH * sigma
-    grid, middle = FINE / sigma, table.size // 2
+    grid, middle, across = FINE / sigma, table.size // 2, np.empty(int(2.0 * reach) + 4)
     stretch = 0
     for j in range(time.size - 1):
         span = time[j + 1] - time[j]

@@ -16,7 +16,7 @@ import numpy as np
 from data_schemas.errors import UsageError
 from synth.phase import Floats
 from synth.seeds import generator
-from synth.systems.reduced_beam import ReducedBeam, reduced
+from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPolDrive
 from synth.systems.starts import symmetric
 from synth.systems.yielding import ElasticBeam
@@ -84,20 +84,6 @@ def checked(clocks: Clocks) -> Clocks:
     if not 0.0 <= clocks.swing < math.inf:
         raise UsageError(f"swing = {clocks.swing:g}: give 0 for system (2), or S0/l in rad")
     return clocks
-
-
-def of_beam(beam: ElasticBeam, *, full: bool = True) -> Clocks:
-    """Theory's numbers for a beam with two clocks in SI units, with the arc where the full system is meant.
-
-    `RefusedError` if system (2) cannot hold the beam, `UsageError` if there are not two clocks.
-    """
-    reduction = reduced(beam)
-    system = reduction.system
-    if system.detuning.size != 2:
-        raise UsageError(f"{system.detuning.size} pendulums on the beam: the theory is of two clocks")
-    first, second = system.detuning.tolist()
-    swing = float(np.mean(reduction.angle_scale)) if full else 0.0
-    return Clocks(system.beam_damping, system.drive, 8.0 * system.coupling, (first, second), swing)
 
 
 def mirrored(states: Floats) -> Floats:

@@ -13,7 +13,8 @@ quadrature to where it no longer attracts, has the edge; integrated beyond it, t
 since amplitudes and beam help psi along.
 
 A clock that is alone n swings a day faster keeps, once synchronised, an advance eta of phase instead: `chi` is the
-difference tau_1 - tau_2 of the clocks when each is alone, `eta` that of their alpha, k = d eta/d chi.
+difference tau_1 - tau_2 of the clocks when each is alone, 2 (1 + tau) n T/day (the paper lacks the 2: it expands w_i
+with w0/4 where w0/8 stands), `eta` that of their alpha, k = d eta/d chi.
 """
 
 from __future__ import annotations
@@ -27,9 +28,7 @@ from data_schemas.errors import RefusedError, UsageError
 from synth.huygens.balance import Regime, followed, solutions
 from synth.huygens.clocks import Clocks, checked, eigenvalues_beside, jacobian
 from synth.huygens.orbit import orbit
-from synth.phase import Floats
 
-DAY = 86400.0
 _BALANCE_STEP, _ORBIT_STEP = 1e-7, 1e-6  # chi: large against rounding over k, small against what makes k change
 _FIRST, _STEP, _LEAST, _FURTHEST = 0.01, 0.1, 1e-11, 10.0  # of the leading order's edge, in following quadrature
 _JUMP = 0.5  # rad in a step: another regime
@@ -53,11 +52,6 @@ def rates(state: Any, beta: float, clocks: Clocks) -> Any:
         result[2 + i] = 0.5 * size * (real * sine + imaginary * cosine + delta * (1.0 - size * size / 4.0))
         result[4:] -= clocks.coupling / 8.0 * size * size * np.array([sine, cosine])
     return result
-
-
-def slopes(state: Floats, beta: float, clocks: Clocks) -> Floats:
-    """Jacobian of `rates` by the state, (6, 6)."""
-    return jacobian(lambda point: rates(point, beta, clocks), state)
 
 
 class Stability(NamedTuple):
@@ -88,7 +82,7 @@ def stability(regime: Regime, clocks: Clocks) -> Stability:
             "the regime is no fixed point of these clocks' slow flow; find it by solutions(..., shifts=True)"
         )
     common = np.array([1.0, 1.0, 0.0, 0.0, 0.0, -2.0 * regime.q])  # alpha + c, Q e^{-2ic}
-    exponents = eigenvalues_beside(slopes(state, regime.beta, clocks), common)
+    exponents = eigenvalues_beside(jacobian(lambda point: rates(point, regime.beta, clocks), state), common)
     ordered = sorted(exponents, key=lambda each: -each.real)
     growth = ordered[0].real
     rounding = 1e-12 * max(abs(each) for each in ordered)
@@ -214,29 +208,3 @@ def orbit_slope(regime: Regime, clocks: Clocks, *, full: bool = False) -> float:
     pairs = (clocks.detuned(apart + step) for step in (_ORBIT_STEP, -_ORBIT_STEP))
     above, below = (orbit(regime, pair, full=full).regime.offset for pair in pairs)
     return math.remainder(above - below, math.pi) / (2.0 * _ORBIT_STEP)
-
-
-def chi_of_daily(swings: float, period: float, tau: float) -> float:
-    """chi of clocks of which the first makes n swings a day more when each is alone: 2 (1 + tau) n T/day.
-
-    The printed formula lacks the 2: it expands w_i with w0/4 where w0/8 stands. T is the mean full period, s; n counts
-    whole swings a day; tau is the mean detuning.
-
-    Examples
-    --------
-    >>> round(chi_of_daily(1.0, 1.0, 0.0), 9)
-    2.3148e-05
-    """
-    _positive(period, tau)
-    return 2.0 * (1.0 + tau) * swings * period / DAY
-
-
-def daily_of_chi(chi: float, period: float, tau: float) -> float:
-    """Swings a day that the first clock makes more when each is alone; inverse of `chi_of_daily`."""
-    _positive(period, tau)
-    return chi * DAY / (2.0 * (1.0 + tau) * period)
-
-
-def _positive(period: float, tau: float) -> None:
-    if not (0.0 < period < math.inf and -1.0 < tau < math.inf):
-        raise UsageError(f"period = {period:g} s, tau = {tau:g}: give a period above 0 and a tau above -1")

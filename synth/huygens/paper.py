@@ -43,7 +43,7 @@ def printed(alpha: ArrayLike, damping: float = DAMPING, coupling: float = COUPLI
     >>> round(float(row.beta), 7), round(float(row.tau), 7), round(float(row.slope), 3)
     (0.0237448, -0.021819, 431.683)
     """
-    return _chain(alpha, damping, coupling, None)
+    return _chain(alpha, damping, coupling, math.inf, 0.0)
 
 
 def corrected(alpha: ArrayLike, drive: float, damping: float = DAMPING, coupling: float = COUPLING) -> Chain:
@@ -56,23 +56,20 @@ def corrected(alpha: ArrayLike, drive: float, damping: float = DAMPING, coupling
     """
     if not drive > 0.0:
         raise UsageError(f"drive = {drive:g}: delta = 2 eps/w lies above 0")
-    return _chain(alpha, damping, coupling, drive)
+    return _chain(alpha, damping, coupling, drive, drive**2 / 8.0)
 
 
-def _chain(alpha: ArrayLike, damping: float, coupling: float, drive: float | None) -> Chain:
+def _chain(alpha: ArrayLike, damping: float, coupling: float, drive: float, shift: float) -> Chain:
+    """The chain; without the escapement, which (10)-(14) leave out, its drive is infinite and shifts nothing."""
     angle = np.asarray(alpha, dtype=np.float64)
     if not (damping > 0.0 and coupling > 0.0):
         raise UsageError(f"damping = {damping:g}, coupling = {coupling:g}: both delta0 and nu lie above 0")
     if not np.all((angle > -0.5 * math.pi) & (angle < 0.0)):
         raise UsageError("alpha: (8) holds for a damped beam only where sin 2 alpha < 0; give -pi/2 < alpha < 0")
     sine, cosine = np.sin(2.0 * angle), np.cos(2.0 * angle)
-    gain = np.ones_like(angle) if drive is None else 1.0 / (1.0 + coupling * sine**2 / (drive * damping))
+    gain = 1.0 / (1.0 + coupling * sine**2 / (drive * damping))
     beta = -damping * cosine / sine  # (14)
     q = -(coupling / damping) * gain * sine  # (14)
-    shift = 0.0 if drive is None else drive**2 / 8.0
     tau = (1.0 + shift + q * cosine) / (1.0 + beta) - 1.0  # (13): Delta = beta + tau + beta tau
-    if drive is None:
-        slope = -(1.0 + beta) / (2.0 * q * sine)  # (12)
-    else:
-        slope = (1.0 + beta) * (damping / (2.0 * coupling * sine**2) + 1.0 / (2.0 * drive))
+    slope = (1.0 + beta) * (damping / (2.0 * coupling * sine**2) + 1.0 / (2.0 * drive))  # (12)
     return Chain(angle, beta, q, tau, slope, 2.0 * np.sqrt(gain), -q * sine)

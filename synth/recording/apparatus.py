@@ -36,7 +36,8 @@ class Apparatus:
     def __init__(self, plan: Plan, clock: Clock) -> None:
         scene, recording = plan.scene, plan.scene.recording
         self._scene, self._plan = scene, plan
-        self._late = {each.delay: _angles_before(plan, clock, each.delay) for each in recording.errors if each.delay}
+        delays = {sum(each.delay for each in self._errors(trace.name)) for trace in scene.traces} - {0.0}
+        self._late = {delay: _angles_before(plan, clock, delay) for delay in delays}
         self._noise = {name: generator(scene.seed, f"noise of {name}") for name in ("case_tilt", *_AXES)}
         self._chance = [_chance(scene, trace.name, clock.count) for trace in scene.traces]
         self.loses_samples = recording.missing_samples > 0 or any(delay > 0.0 for delay in self._late)

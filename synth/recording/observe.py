@@ -185,19 +185,20 @@ def _bases(scene: Scene) -> Variables:
     given = scene.conditions
     if not given.bases:
         return {}
+    times, gravities = np.array([(base.time, base.gravity) for base in given.bases]).T
     own, drift = np.array([(each.period, each.drift) for each in scene.pendulums]).T
-    shares = [(base.time, math.sqrt(scene.reference_gravity / base.gravity)) for base in given.bases]
-    periods = np.array([(own + drift * time / 86400.0) * share for time, share in shares])
+    periods = (own + drift * times[:, None] / 86400.0) * np.sqrt(scene.reference_gravity / gravities)[:, None]
     variables: Variables = {
-        "base": (("base",), np.array([base.label for base in given.bases], dtype=np.str_)),
-        "base_time": (("base",), np.array([base.time for base in given.bases])),
-        "base_gravity": (("base",), np.array([base.gravity for base in given.bases])),
+        "base": (("base",), label_array(base.label for base in given.bases)),
+        "base_time": (("base",), times),
+        "base_gravity": (("base",), gravities),
+        "base_period": (("base", "pendulum"), periods),
     }
     sigma = given.base_period_uncertainty
     if sigma:
         periods += generator(scene.seed, "base periods").normal(scale=sigma, size=periods.shape)
         variables["base_period_uncertainty"] = (("base", "pendulum"), np.full(periods.shape, sigma))
-    return variables | {"base_period": (("base", "pendulum"), periods)}
+    return variables
 
 
 class Unwrapping:
@@ -216,21 +217,12 @@ class Unwrapping:
     """
 
     def __init__(self) -> None:
-        self._last: Floats | None = None
-        self._turns: Floats | None = None
+        self._last: Floats | None = None  # of the difference, (pendulums, 1) rad
 
     def __call__(self, signal: Phasors, base: Floats) -> Floats:
-        """Phase of the next chunk of a signal, (pendulums, samples) rad; so is the base."""
-        beside = np.remainder(np.angle(signal) - base, _TURN)
-        if not beside.size:
-            return beside
-        if self._last is None or self._turns is None:
-            self._last = beside[:, :1]
-            # The whole turns are chosen so that the phase begins within half a turn of zero.
-            self._turns = -np.rint((beside[:, :1] + base[:, :1]) / _TURN)
-        turns = self._turns - np.cumsum(np.rint(np.diff(beside, prepend=self._last) / _TURN), axis=-1)
-        self._last, self._turns = beside[:, -1:].copy(), turns[:, -1:].copy()
-        turns *= _TURN
-        beside += turns
-        beside += base
-        return beside
+        """Phase of the next chunk of a signal, (pendulums, samples) rad, begun within half a turn; so is the base."""
+        beside = np.angle(signal) - base
+        last = beside[:, :1] if self._last is None else self._last
+        beside -= _TURN * np.cumsum(np.rint(np.diff(beside, prepend=last) / _TURN), axis=-1)
+        self._last = beside[:, -1:].copy()
+        return beside + base

@@ -9,7 +9,6 @@ import pytest
 
 from synth.huygens.balance import residuals, solutions
 from synth.huygens.clocks import Clocks
-from synth.huygens.locking import daily_of_chi
 from synth.huygens.orbit import orbit, start_of
 from synth.huygens.paper import COUPLING, DAMPING, corrected, printed
 from synth.systems.dispatch import plain_jacobian
@@ -115,7 +114,6 @@ def test_the_expansion_of_the_frequencies_has_an_eighth() -> None:
     for sign, each in zip((1.0, -1.0), apart, strict=True):
         assert each == pytest.approx(sign * chi / (8.0 * math.sqrt(1.0 + tau)), rel=1e-4)
         assert each != pytest.approx(sign * chi / (4.0 * math.sqrt(1.0 + tau)), rel=0.1)
-    assert daily_of_chi(2.0 / 86400.0, 1.0, 0.0) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_eta_for_one_swing_a_day_is_twice_the_printed() -> None:

@@ -34,7 +34,7 @@ def test_a_clean_film_stays_clean():
 
 def test_dust_is_as_much_as_is_said():
     plan = planned(Film(**SMALL), rest, seconds=1.0)
-    specks = [len(Dirt(Film(**SMALL, dust=800), plan.geometry, 9)._specks(k)) for k in range(40)]
+    specks = [len(Dirt(Film(**SMALL, dust=800), plan.geometry, 9)._dust(k)) for k in range(40)]
     area = 1024 * plan.geometry.columns / (300 / 25.4) ** 2 / 1e4
     assert np.mean(specks) == pytest.approx(800 * area, abs=4 * (800 * area / 40) ** 0.5)
 
@@ -47,7 +47,7 @@ def test_dirt_does_not_depend_on_the_strip_it_is_drawn_in(kind):
     whole = np.full((2048, plan.geometry.columns), 0.1, np.float32)
     if film.dust:  # whatever lies on both strips comes from three
         for number in (-1, 0, 1, 2):
-            draw_strokes(whole, 0, dirt._specks(number))
+            draw_strokes(whole, 0, dirt._dust(number))
     else:
         draw_strokes(whole, 0, dirt._strokes)
     assert np.any(whole != np.float32(0.1))

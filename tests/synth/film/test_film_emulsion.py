@@ -13,7 +13,7 @@ from synth.film.strips import Development, blurred, develop, quantised, scan
 def developed(exposure, film):
     image = np.array(exposure)[None]
     paper = np.array([0]), np.array([image.size])
-    develop(image, *paper, np.array([film.fog]), 0.0, film.density_max, film.half_exposure, film.gamma)
+    develop(image, *paper, np.array([film.fog]), 0.0, film)
     return image[0]
 
 
@@ -32,19 +32,19 @@ def test_the_kernel_is_the_curve():
     exposure = np.array([[0.0, 0.001, 0.2, 5.0]], np.float32)
     image = exposure.copy()
     all_of_it = np.array([0]), np.array([4])
-    develop(image, *all_of_it, np.array([0.2]), 0.0, film.density_max, film.half_exposure, film.gamma)
+    develop(image, *all_of_it, np.array([0.2]), 0.0, film)
     with np.errstate(divide="ignore"):
         curve = film.fog + (film.density_max - film.fog) / (1.0 + (film.half_exposure / exposure) ** film.gamma)
     np.testing.assert_allclose(image, curve, rtol=1e-6)
     off_paper = exposure.copy()
-    develop(off_paper, np.array([1]), np.array([3]), np.array([0.2]), 0.0, 1.5, 0.2, 2.0)
+    develop(off_paper, np.array([1]), np.array([3]), np.array([0.2]), 0.0, film)
     assert off_paper[0, 0] == 0.0
     assert off_paper[0, 3] == 0.0
 
 
 def test_a_scan_shows_densities_as_powers_of_ten():
     density = np.array([[0.0, 1.1, 2.2]], np.float32)
-    scan(density, np.zeros((1, 3), np.float32), np.float32(0.1), np.float32(-np.log(10) / 2.2), np.ones(3, np.float32))
+    scan(density, np.float32(-np.log(10) / 2.2), np.ones(3, np.float32))
     np.testing.assert_allclose(density, [[1.0, 10**-0.5, 0.1]], rtol=1e-6)
 
 

@@ -47,12 +47,6 @@ def test_light_is_off_where_any_reason_says_so():
     ]  # fmt: skip
 
 
-def test_light_between():
-    light = light_of(Film(gap=0.1, minute_code=0.0), set_marks(Film(), 0.0, 10.0, 0), 0.0, 10.0, [])
-    near = light.between(3.6, 4.2)
-    np.testing.assert_allclose(near.begin, [3.55, 4.05])
-
-
 @pytest.mark.parametrize("gap", [0.03, 0.2])
 def test_a_gap_is_as_wide_as_the_shutter_is_closed_and_centred_on_its_mark(gap):
     film = Film(**SMALL | {"gap": gap, "minute_code": 0.0}, dpi=600)

@@ -19,7 +19,7 @@ def scene_of(**second: object) -> Scene:
 
 
 def test_alike_and_begun_alike() -> None:
-    assert explain(scene_of()).terms["caution"] == CAUTION
+    assert explain(scene_of())["terms"]["caution"] == CAUTION
 
 
 @pytest.mark.compiled
@@ -32,4 +32,4 @@ def test_the_truth_says_so() -> None:
     "second", [{"period": 1.001001}, {"start": {"kind": "state", "angle": 0.0999}}], ids=["unlike", "begun apart"]
 )
 def test_otherwise_nothing_is_said(second: dict[str, object]) -> None:
-    assert "caution" not in explain(scene_of(**second)).terms
+    assert "caution" not in explain(scene_of(**second))["terms"]

@@ -83,9 +83,8 @@ DescribedPendulum: Any = _section(
     label=(Name, quantity(..., "", "label of the pendulum")),
     **{name: _field(name) for name in _of_instrument(PENDULUM)},
 )
-DescribedInstrument: Any = _section(
-    "DescribedInstrument", "Conditions of all pendulums.", **{name: _field(name) for name in _of_instrument()}
-)
+_CONSTANTS = {name: _field(name) for name in _of_instrument()}
+DescribedInstrument: Any = _section("DescribedInstrument", "Conditions of all pendulums.", **_CONSTANTS)
 
 
 class DescribedTrace(Section):

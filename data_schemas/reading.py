@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5o, h5r, h5s, h5t
+from h5py import h5a, h5d, h5ds, h5o, h5r, h5s, h5t
 
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
@@ -97,15 +97,13 @@ def _as_written(path: Path, contents: Contents) -> bool:
     """
     if any("_FillValue" in entry.attrs for group in contents.values() for entry in group.variables.values()):
         return False
-    found: list[bool] = []
 
-    def note(_name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf":
-            found.append(node.fletcher32 or bool(h5py.h5ds.is_scale(node.id)))
+    def unprotected(_name: str, node: Any) -> bool | None:  # None: go on to the next
+        numbers = isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf"
+        return True if numbers and not (node.fletcher32 or h5ds.is_scale(node.id)) else None
 
     with h5py.File(path, "r") as file:
-        file.visititems(note)
-    return all(found)
+        return file.visititems(unprotected) is None
 
 
 def skim(path: Path) -> tuple[Contents, str]:

@@ -299,12 +299,12 @@ def relative_times(table: Table, column: int) -> tuple[str, str, NDArray[np.floa
 
 
 def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
-    values = table.numbers(column)
-    for line, value in zip(table.lines, values, strict=True):
-        if value != value:
-            raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
+    values: NDArray[np.float64] = np.array(table.numbers(column))
+    if missing := np.flatnonzero(np.isnan(values)).tolist():
+        line = table.lines[missing[0]]
+        raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
     if abs(values[0]) < _COARSE:
-        return np.array(values) - values[0]
+        return np.array(values - values[0])
     cells = (row[column].replace(",", ".") for row in table.rows)
     exact = [Decimal(cell if value else 0) for cell, value in zip(cells, values, strict=True)]  # 0e-9999999999999999999
     return np.array([float(value - exact[0]) for value in exact])

@@ -53,13 +53,11 @@ def _laid_out(traces: xr.Dataset) -> xr.DataTree:
     import xarray as xr
 
     if "trace" not in traces.dims or "time" not in traces.coords:
-        raise RecordError(
-            "record/trace: a dataset of traces has dimensions trace and time; name them, with coordinates"
-        )
+        told = "a dataset of traces has dimensions trace and time; name them, with coordinates"
+        raise RecordError(f"record/trace: {told}")
     labels = [str(label) for label in traces["trace"].values]
-    pendulums = list(dict.fromkeys(part for label in labels for part in label.split("-")))
-    if "pendulum" in traces.coords:
-        pendulums = [str(label) for label in traces["pendulum"].values]
+    parts = dict.fromkeys(part for label in labels for part in label.split("-"))
+    pendulums = [str(each) for each in (traces["pendulum"].values if "pendulum" in traces.coords else parts)]
     given = {str(n): each for n, each in traces.variables.items() if n not in ("time", "trace", "pendulum")}
     if "combination" not in given:
         given["combination"] = xr.Variable(("trace", "pendulum"), [_combination(label, pendulums) for label in labels])
@@ -81,8 +79,6 @@ def _laid_out(traces: xr.Dataset) -> xr.DataTree:
 def _combination(label: str, pendulums: list[str]) -> list[float]:
     parts = label.split("-")
     if not set(parts) <= set(pendulums) or len(parts) > 2:
-        raise RecordError(
-            f"record/combination: missing, and trace {shown(repr(label))} does not say it; give combination, or labels "
-            "such as 1 and 1-2"
-        )
+        remedy = "give combination, or labels such as 1 and 1-2"
+        raise RecordError(f"record/combination: missing, and trace {shown(repr(label))} does not say it; {remedy}")
     return [float((name == parts[0]) - (name in parts[1:])) for name in pendulums]

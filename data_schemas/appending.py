@@ -10,6 +10,7 @@ import contextlib
 import io
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
@@ -46,13 +47,8 @@ class Sink(io.FileIO):
     def write(self, data: Any, /) -> int:
         """Write all bytes, at once or in parts."""
         view, at = memoryview(data).cast("B"), self.tell()
-
-        def write_all() -> None:
-            rest = view
-            while rest:
-                rest = rest[super(Sink, self).write(rest) :]
-
-        self._kept(write_all)
+        while (done := self.tell() - at) < len(view) and self.fault is None:
+            self._kept(partial(super().write, view[done:]))
         if self.fault is not None:
             self._lost.append((at, bytes(view)))
         return len(view)
@@ -101,14 +97,13 @@ class Appended:
     """
 
     def __init__(self, path: str | os.PathLike[str], length: int, *, overwrite: bool = False) -> None:
-        self._path, self._length, self._overwrite = path, length, overwrite
+        self._path, self._length, self._overwrite, self._done = path, length, overwrite, 0
         self._target = place_of(path)
         self._temporary = beside(self._target)
         self._sink: Sink | None = None
         self._file: h5py.File | None = None
         self._arrays: dict[str, h5py.Dataset] = {}
         self._attrs: dict[str, dict[str, Any]] = {}
-        self._done = 0
 
     def __enter__(self) -> Self:
         with self._named():

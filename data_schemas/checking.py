@@ -114,12 +114,10 @@ def validate(path: str | os.PathLike[str]) -> list[str]:
 def _kind(contents: Contents) -> tuple[Kind | None, list[str]]:
     """What the file says it is, or failing that looks like, with the fault of not saying it well."""
     schema = contents[""].attrs.get("schema")
-    for kind, layout in LAYOUTS.items():
-        if isinstance(schema, str) and schema == layout.schema:
-            return kind, []
-    for kind, layout in LAYOUTS.items():
-        if not layout.groups.keys().isdisjoint(contents):
-            return kind, []  # the check of this kind says what is wrong with the attribute
+    named = [kind for kind, layout in LAYOUTS.items() if isinstance(schema, str) and schema == layout.schema]
+    alike = [kind for kind, layout in LAYOUTS.items() if not layout.groups.keys().isdisjoint(contents)]
+    if named or alike:
+        return (named or alike)[0], []  # the check of what is alike says what is wrong with the attribute
     known = ", ".join(layout.schema for layout in LAYOUTS.values())
     stated = "is missing at the root" if schema is None else f"is {shown(repr(schema))}"
     return None, [f"attribute schema: {stated} and no group is known; set it to one of {known}"]
@@ -188,12 +186,10 @@ def _sizes(contents: Contents, found: list[str]) -> dict[tuple[str, str], int]:
     for path in sorted(contents):
         for name, entry in contents[path].variables.items():
             for dim, length in zip(entry.dims, entry.values.shape, strict=True):
-                known = sizes.setdefault((path, dim), sizes.get(("", dim), length))
+                known, where = sizes.setdefault((path, dim), sizes.get(("", dim), length)), key(path, name)
                 if length != known:
-                    found.append(
-                        f"{key(path, name)}: has {length} values along {shown(dim)} where others have {known}; "
-                        f"make the dimension {shown(dim)} of one length"
-                    )
+                    told = f"{where}: has {length} values along {shown(dim)} where others have {known}"
+                    found.append(f"{told}; make the dimension {shown(dim)} of one length")
     return sizes
 
 
@@ -245,11 +241,8 @@ def _time_faults(contents: Contents) -> Iterator[str]:
     elif not np.isfinite(values).all():
         yield "time: holds NaN or infinite values; give every sample its time in seconds"
     elif (falls := np.flatnonzero(values[1:] <= values[:-1]) + 1).size:
-        at = falls[0]
-        yield (
-            f"time: does not increase at sample {at} ({values[at - 1]:g} s, then {values[at]:g} s; {falls.size} such "
-            f"places); sort the samples and drop repeated ones"
-        )
+        steps = f"{values[falls[0] - 1]:g} s, then {values[falls[0]]:g} s; {falls.size} such places"
+        yield f"time: does not increase at sample {falls[0]} ({steps}); sort the samples and drop repeated ones"
 
 
 def _label_faults(where: str, labels: list[str], schema: Kind) -> Iterator[str]:
@@ -274,14 +267,10 @@ def _entry(contents: Contents, path: str, name: str, dims: tuple[str, ...] = (),
 
 def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> Iterator[str]:
     """What only a record can have wrong, given the length of each (group, dimension)."""
-    recorded, described = (
-        _entry(contents, path, "pendulum", ("pendulum",), "str") for path in ("record", "instrument")
-    )
-    if recorded is not None and described is not None:
-        labels = described.values.tolist()
-        absent = ", ".join(shown(label) for label in recorded.values.tolist() if label not in labels)
-        if absent:
-            yield f"instrument/pendulum: lacks {absent} of record/pendulum; use the same labels in both"
+    pendulums = [_entry(contents, path, "pendulum", ("pendulum",), "str") for path in ("record", "instrument")]
+    recorded, described = ([] if each is None else each.values.tolist() for each in pendulums)
+    if absent := ", ".join(shown(label) for label in recorded if None not in pendulums and label not in described):
+        yield f"instrument/pendulum: lacks {absent} of record/pendulum; use the same labels in both"
     yield from _absurd_values(contents)
     trace = _entry(contents, "record", "trace")
     combination = _entry(contents, "record", "combination", ("trace", "pendulum"), "f8")
@@ -319,10 +308,8 @@ def _combination_faults(combination: NDArray[Any], trace: Entry | None) -> Itera
     # two pendulums are recoverable where the projector on the row space leaves two unit vectors as they are
     projector = np.linalg.pinv(combination) @ combination
     if (np.abs(np.diag(projector) - 1.0) < 1e-9).sum() < 2:
-        yield (
-            "record/combination: no pair of pendulums can be told apart from these traces; record one pendulum and "
-            "its difference with another, or both, or give a single trace"
-        )
+        remedy = "record one pendulum and its difference with another, or both, or give a single trace"
+        yield f"record/combination: no pair of pendulums can be told apart from these traces; {remedy}"
 
 
 def _label(trace: Entry | None, row: int) -> str:
@@ -346,7 +333,5 @@ def _absurd_values(contents: Contents) -> Iterator[str]:
     if time is not None and time.values.size > 2:
         step, span = float(np.median(np.diff(time.values))), float(time.values[-1] - time.values[0])
         if span > MOST_SPAN * step * time.values.size:
-            yield (
-                f"time: {time.values.size} readings {step:.3g} s apart, as a rule, reach over {span:.3g} s; split the "
-                "record at its gaps"
-            )
+            told = f"time: {time.values.size} readings {step:.3g} s apart, as a rule, reach over {span:.3g} s"
+            yield f"{told}; split the record at its gaps"

@@ -20,27 +20,46 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+import math
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .contents import Contents, from_tree, key, type_name
+from .contents import Contents, from_tree, type_name
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
 ATTRIBUTE = "content_sha256"
-_SEED = "isochrony content 1"
+SLAB = 1 << 16  # Elements of an array of a file that are read at once
 
 
-def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = MappingProxyType({})) -> str:
+def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[tuple[int | slice, ...]]:
+    """Index expressions that cover an array in order, last dimension fastest, of at most `most` elements each.
+
+    Examples
+    --------
+    >>> list(slabs((2, 5), 3))
+    [(0, slice(0, 3, None)), (0, slice(3, 6, None)), (1, slice(0, 3, None)), (1, slice(3, 6, None))]
+    >>> list(slabs((5, 2), 4)), list(slabs(()))
+    ([(slice(0, 2, None),), (slice(2, 4, None),), (slice(4, 6, None),)], [()])
+    """
+    inner = math.prod(shape[1:])
+    if not shape:
+        yield ()
+    elif inner > most:
+        yield from ((index, *rest) for index in range(shape[0]) for rest in slabs(shape[1:], most))
+    else:
+        step = most // max(inner, 1)
+        yield from ((slice(begin, begin + step),) for begin in range(0, shape[0], step))
+
+
+def digest(contents: Contents) -> str:
     """The checksum of a plain content, 64 hexadecimal digits (definition: see the module).
 
-    `blocks`: numbers of variables (``group/name``) that are too many to be held, last dimension fastest; of such a
-    variable's own values only shape and type are looked at.
+    Numbers that are too many to be held may be an array of an open file instead, which is read block by block.
     """
     total = hashlib.sha256()
 
@@ -49,13 +68,13 @@ def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = Ma
             data = one.encode()
             total.update(len(data).to_bytes(8, "little") + data)
 
-    def put_values(values: NDArray[Any], parts: Iterable[NDArray[Any]] | None = None) -> None:
+    def put_values(values: NDArray[Any]) -> None:
         if type_name(values) == "str":
             put_text(*values.ravel().tolist())
             return
         total.update(values.nbytes.to_bytes(8, "little"))
-        for part in (values,) if parts is None else parts:
-            little = np.ascontiguousarray(part, dtype=part.dtype.newbyteorder("<"))
+        for place in (...,) if isinstance(values, np.ndarray) else slabs(values.shape):
+            little = np.ascontiguousarray(values[place], dtype=values.dtype.newbyteorder("<"))
             total.update(little.reshape(-1).view(np.uint8).data)
 
     def put_attributes(attrs: Mapping[str, Any]) -> None:
@@ -64,7 +83,7 @@ def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = Ma
             put_text("attribute", name, type_name(values), str(values.size))
             put_values(values)
 
-    put_text(_SEED)
+    put_text("isochrony content 1")
     for path in sorted(contents, key=str.encode):
         group = contents[path]
         put_text("group", path)
@@ -74,7 +93,7 @@ def digest(contents: Contents, blocks: Mapping[str, Iterable[NDArray[Any]]] = Ma
             sizes = (str(size) for size in entry.values.shape)
             shape = itertools.chain.from_iterable(zip(entry.dims, sizes, strict=True))
             put_text("variable", name, str(len(entry.dims)), *shape, type_name(entry.values))
-            put_values(entry.values, blocks.get(key(path, name)))
+            put_values(entry.values)
             put_attributes(entry.attrs)
     return total.hexdigest()
 

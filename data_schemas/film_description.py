@@ -9,9 +9,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
 from data_schemas.errors import FileError, RecordError
 from data_schemas.scene_fields import (
@@ -21,15 +21,13 @@ from data_schemas.scene_fields import (
     Text,
     check_distinct,
     check_known,
-    one_line,
+    load_section,
     quantity,
     refuse,
 )
-from data_schemas.text_files import load_toml
 from data_schemas.variables import rows_of
 
 KIND = "film-description"
-Kind = TypeVar("Kind", bound=Section)
 BASE, PENDULUM, TIME = "base", "pendulum", "time"
 _LIMITS: dict[str | None, dict[str, float]] = {None: {}, "positive": {"gt": 0}, "not negative": {"ge": 0}}
 
@@ -85,9 +83,8 @@ DescribedPendulum: Any = _section(
     label=(Name, quantity(..., "", "label of the pendulum")),
     **{name: _field(name) for name in _of_instrument(PENDULUM)},
 )
-DescribedInstrument: Any = _section(
-    "DescribedInstrument", "Conditions of all pendulums.", **{name: _field(name) for name in _of_instrument()}
-)
+_CONSTANTS = {name: _field(name) for name in _of_instrument()}
+DescribedInstrument: Any = _section("DescribedInstrument", "Conditions of all pendulums.", **_CONSTANTS)
 
 
 class DescribedTrace(Section):
@@ -152,14 +149,12 @@ def _check_bases(bases: Sequence[Any], labels: list[str]) -> None:
     check_distinct((base.label for base in bases), "bases must have different labels; name each occupation for itself")
     for key in (*BASES.values(), *PERIODS.values()):
         given = [getattr(base, key) is not None for base in bases]
-        if any(given) and not all(given):
-            raise ValueError(f"{key} is stated of {sum(given)} of {len(given)} bases; state it of all or of none")
-    for base in bases:
-        for key in PERIODS.values():
+        told = f"{key} is stated of {sum(given)} of {len(given)} bases; state it of all or of none"
+        refuse(any(given) and not all(given), told)
+        for base in bases if key in PERIODS.values() else ():
             stated = getattr(base, key)
-            if stated is not None and set(stated) != set(labels):
-                stated, known = ", ".join(stated), ", ".join(labels)
-                raise ValueError(f"base {base.label!r} states {key} of {stated}; the pendulums are {known}")
+            told = f"base {base.label!r} states {key} of {', '.join(stated or ())}; the pendulums are"
+            refuse(stated is not None and set(stated) != set(labels), f"{told} {', '.join(labels)}")
 
 
 def _check_readings(readings: Sequence[Any], instrument: Any) -> None:
@@ -198,13 +193,4 @@ def load_description(path: str | os.PathLike[str]) -> FilmDescription:
     `FileError`: it cannot be read, or is not TOML; `RecordError`: in one line every faulty key, its value and what is
     allowed.
     """
-    return load_section(path, FilmDescription, "a film's description")
-
-
-def load_section(path: str | os.PathLike[str], kind: type[Kind], what: str) -> Kind:
-    """Read what stands beside a film; raises as `load_description`."""
-    content = load_toml(path, what, FileError)
-    try:
-        return kind.model_validate(content)
-    except ValidationError as error:
-        raise RecordError(f"{path}: {one_line(error, kind)}") from None
+    return load_section(path, FilmDescription, "a film's description", RecordError, FileError)

@@ -14,8 +14,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from data_schemas.film_description import film_stem, load_section
-from data_schemas.scene_fields import Count, Number, Section, Text, quantity, refuse
+from data_schemas.errors import FileError, RecordError
+from data_schemas.film_description import film_stem
+from data_schemas.scene_fields import Count, Number, Section, Text, load_section, quantity, refuse
 from data_schemas.text_files import toml_text
 from data_schemas.writing import write_text
 
@@ -155,4 +156,4 @@ def edits_path(film: str | os.PathLike[str]) -> Path:
 
 def load_edits(path: str | os.PathLike[str]) -> FilmEdits:
     """Read edits; raises as `load_description`."""
-    return load_section(path, FilmEdits, "edits of a film")
+    return load_section(path, FilmEdits, "edits of a film", RecordError, FileError)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import math
 import os
 import zlib
 from collections.abc import Callable, Iterator
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5r, h5s, h5t
+from h5py import h5a, h5d, h5ds, h5o, h5r, h5s, h5t
 
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
@@ -34,17 +33,14 @@ if TYPE_CHECKING:
 
 CHUNK_CACHE = 1 << 20
 """Bytes of an array that HDF5 keeps unpacked while the file is open; its own choice of 8 MiB adds up."""
-SLAB = 1 << 16  # Elements that `skim` reads at once
-
 _RESERVE = 1 << 23
 """Bytes that must be free when a file is opened: where HDF5 finds none for its own it ends the process."""
 
-Place = tuple[int | slice, ...]
 Path = str | os.PathLike[str]
 Declared = Callable[[int], object]
-NumbersReader = Callable[[h5d.DatasetID, str], "NDArray[Any]"]
-"""Reads an array of numbers, given with its ``group/name``."""
+NumbersReader = Callable[[h5d.DatasetID], Any]  # gives the numbers of an array, or what reads them block by block
 
+_MISMATCH = f"{ATTRIBUTE} does not match the content, the file was damaged or edited"
 _REFERENCES = h5t.vlen_create(h5t.STD_REF_OBJ).encode()  # HDF5 also takes kinds of list that do not exist
 _LISTS = h5py.vlen_dtype(h5py.ref_dtype)
 
@@ -86,19 +82,12 @@ def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
 def load(path: Path, budget: Budget | None = None, *, declared: Declared | None = None) -> Contents:
     """The plain content of a file, looked over and verified; what `read` and `validate` share; raises as `read`."""
     with _opened(path, budget or Budget(), _numbers, declared) as contents:
-        pass
-    stored = contents[""].attrs.pop(ATTRIBUTE, None)
-    if stored is not None and stored != digest(contents):
-        if _as_written(path, contents):
-            raise FileError(
-                f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited; "
-                f"restore it, or delete that attribute if the edit was meant"
-            )
-        contents[""].attrs[REWRITTEN] = f"by other software: {ATTRIBUTE} did not fit and was left out"
-    try:
+        stored = contents[""].attrs.pop(ATTRIBUTE, None)
+        if stored is not None and stored != digest(contents):
+            if _as_written(path, contents):
+                raise FileError(f"{_MISMATCH}; restore it, or delete that attribute if the edit was meant")
+            contents[""].attrs[REWRITTEN] = f"by other software: {ATTRIBUTE} did not fit and was left out"
         return current(unpacked(contents))
-    except FileError as error:
-        raise FileError(f"{shown(path, 400)}: {error}") from None
 
 
 def _as_written(path: Path, contents: Contents) -> bool:
@@ -108,59 +97,25 @@ def _as_written(path: Path, contents: Contents) -> bool:
     """
     if any("_FillValue" in entry.attrs for group in contents.values() for entry in group.variables.values()):
         return False
-    found: list[bool] = []
 
-    def note(_name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf":
-            found.append(node.fletcher32 or bool(h5py.h5ds.is_scale(node.id)))
+    def unprotected(_name: str, node: Any) -> bool | None:  # None: go on to the next
+        numbers = isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf"
+        return True if numbers and not (node.fletcher32 or h5ds.is_scale(node.id)) else None
 
     with h5py.File(path, "r") as file:
-        file.visititems(note)
-    return all(found)
+        return file.visititems(unprotected) is None
 
 
 def skim(path: Path) -> tuple[Contents, str]:
     """Look a file over and sum it up in bounded memory: its content and the checksum of what is stored.
 
-    The content lacks ``content_sha256``; of arrays of numbers it has shape and type only, their values are worth
-    nothing. `FileError`: as `read`.
+    The content lacks ``content_sha256``, and values of arrays of numbers, gone with the file. `FileError`: as `read`.
     """
-    arrays: dict[str, h5d.DatasetID] = {}
-
-    def shape_only(array: h5d.DatasetID, where: str) -> NDArray[Any]:
-        arrays[where] = array
-        return np.broadcast_to(np.zeros((), array.get_type().dtype.newbyteorder("=")), array.shape)
-
-    def blocks(array: h5d.DatasetID) -> Iterator[NDArray[Any]]:
-        stored = h5py.Dataset(array)
-        return (np.asarray(stored[place]) for place in slabs(array.shape))
-
-    with _opened(path, Budget(), shape_only) as contents:
-        stored = contents[""].attrs.pop(ATTRIBUTE, None)
-        found = digest(contents, {where: blocks(array) for where, array in arrays.items()})
-    if stored not in (None, found):
-        raise FileError(f"{shown(path, 400)}: {ATTRIBUTE} does not match the content, the file was damaged or edited")
-    return contents, found
-
-
-def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[Place]:
-    """Index expressions that cover an array in order, last dimension fastest, of at most `most` elements each.
-
-    Examples
-    --------
-    >>> list(slabs((2, 5), 3))
-    [(0, slice(0, 3, None)), (0, slice(3, 6, None)), (1, slice(0, 3, None)), (1, slice(3, 6, None))]
-    >>> list(slabs((5, 2), 4)), list(slabs(()))
-    ([(slice(0, 2, None),), (slice(2, 4, None),), (slice(4, 6, None),)], [()])
-    """
-    inner = math.prod(shape[1:])
-    if not shape:
-        yield ()
-    elif inner > most:
-        yield from ((index, *rest) for index in range(shape[0]) for rest in slabs(shape[1:], most))
-    else:
-        step = most // max(inner, 1)
-        yield from ((slice(begin, begin + step),) for begin in range(0, shape[0], step))
+    with _opened(path, Budget(), h5py.Dataset) as contents:
+        stored, found = contents[""].attrs.pop(ATTRIBUTE, None), digest(contents)
+        if stored not in (None, found):
+            raise FileError(_MISMATCH)
+        return contents, found
 
 
 @contextlib.contextmanager
@@ -190,7 +145,7 @@ def _cause(error: Exception, damage: str) -> str:
     return damage.format(shown(" ".join(str(error).split()), 120))
 
 
-def _numbers(array: h5d.DatasetID, _where: str) -> NDArray[Any]:
+def _numbers(array: h5d.DatasetID) -> NDArray[Any]:
     numbers: NDArray[Any] = np.empty(array.shape, array.get_type().dtype.newbyteorder("="))
     if numbers.size:
         array.read(h5s.ALL, h5s.ALL, numbers)
@@ -212,7 +167,7 @@ class _Reader:
                 raise FileError(f"{where}: is there twice; keep one")
             try:
                 full_chunks(array)
-                values = (self._text if is_text(array.get_type()) else self._numbers)(array, where)
+                values = self._text(array, where) if is_text(array.get_type()) else self._numbers(array)
             except _DAMAGE as error:
                 raise FileError(f"{where}: {_cause(error, 'its values are damaged ({}); restore the file')}") from error
             variables[name] = Entry(dims, values, self._attributes(one, where))
@@ -287,15 +242,12 @@ def _attached(one: Found, rank: int, scales: dict[int, Found]) -> tuple[str, ...
         return None
     references = np.empty(rank, dtype=_LISTS)
     attribute.read(references)
-    names = []
-    for dimension, listed in enumerate(references):
-        if not len(listed) or not listed[0]:
-            return None
-        scale = scales.get(h5py.h5o.get_info(h5r.dereference(listed[0], one.id)).addr)
-        if scale is None or scale.id.shape != (one.id.shape[dimension],):
-            return None
-        names.append(scale.name)
-    return tuple(names) if len(set(names)) == rank else None
+    names = dict[str, None]()
+    for length, listed in zip(one.id.shape, references, strict=True):
+        known = len(listed) and listed[0] and scales.get(h5o.get_info(h5r.dereference(listed[0], one.id)).addr)
+        if known and known.id.shape == (length,):
+            names[known.name] = None
+    return tuple(names) if len(names) == rank else None
 
 
 def _by_position(one: Found, name: str, rank: int, phony: dict[tuple[str, int, int], str]) -> tuple[str, ...]:

@@ -9,23 +9,23 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import ValidationError, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
 from data_schemas.errors import SceneError
-from data_schemas.scene_fields import Number, Section, Seed, Text, check_distinct, check_known, one_line, quantity
-from data_schemas.scene_motion import Case, Conditions, GravityCourse, LinearCourse, Motion, SineCourse
-from data_schemas.scene_pendulum import (
-    RESISTANCES,
-    BeamSupport,
-    BoardSupport,
-    FixedSupport,
-    FreeStart,
-    Handling,
-    Pendulum,
-    Support,
+from data_schemas.scene_fields import (
+    Number,
+    Section,
+    Seed,
+    Text,
+    check_distinct,
+    check_known,
+    load_section,
+    quantity,
+    refuse,
 )
+from data_schemas.scene_motion import Case, Conditions, GravityCourse, Motion
+from data_schemas.scene_pendulum import RESISTANCES, FixedSupport, Handling, Pendulum, Support
 from data_schemas.scene_recording import Film, Recording, Trace
-from data_schemas.text_files import load_toml
 
 LARGEST_CHANGE = 1e-2  # Of gravity: 10 Gal, far more than a ship meets
 _MOST_SAMPLES = 200_000_000
@@ -105,21 +105,18 @@ class Scene(Section):
         check_physics(self)
         for trace in self.traces:
             check_known(trace.combination, labels, f"trace {trace.name!r} names the pendulum")
-        if self.count > _MOST_SAMPLES:
-            raise ValueError(f"duration and sampling rate ask for {self.count} readings; at most {_MOST_SAMPLES}")
+        count, end = self.count, self.duration
+        refuse(count > _MOST_SAMPLES, f"duration and sampling rate ask for {count} readings; at most {_MOST_SAMPLES}")
         for what in self.events:
             check_known([what.pendulum], labels, "events name the pendulum")
-            if what.time >= self.duration:
-                raise ValueError(f"events: the {what.kind} at {what.time:g} s is after the record's end")
-        for errors in self.recording.errors:
-            if errors.trace is not None:
-                check_known([errors.trace], [trace.name for trace in self.traces], "recording.errors name the trace")
+            refuse(what.time >= end, f"events: the {what.kind} at {what.time:g} s is after the record's end")
+        named = [errors.trace for errors in self.recording.errors if errors.trace is not None]
+        check_known(named, [trace.name for trace in self.traces], "recording.errors name the trace")
         for stretch in self.recording.missing:
-            if stretch.start >= self.duration:
-                raise ValueError(f"recording.missing begins at {stretch.start:g} s, after the record's end")
+            refuse(stretch.start >= end, f"recording.missing begins at {stretch.start:g} s, after the record's end")
         for name in ("missing_samples", "outliers"):
-            if getattr(self.recording, name) > self.count:
-                raise ValueError(f"recording.{name} is more than the {self.count} readings of a trace")
+            wrong = getattr(self.recording, name) > count
+            refuse(wrong, f"recording.{name} is more than the {count} readings of a trace")
         return self
 
     @property
@@ -159,12 +156,8 @@ def load_scene(path: str | os.PathLike[str], *, allow_paths: bool = False) -> Sc
         With one line that names the file, every faulty key, its value and what is allowed;
         for an unknown key also the nearest known one.
     """
-    path = Path(path)
-    content = load_toml(path, "a scene", SceneError)
-    try:
-        return Scene.model_validate(content, context={"folder": path.parent, "anywhere": allow_paths})
-    except ValidationError as error:
-        raise SceneError(f"{path}: {one_line(error, Scene)}") from None
+    context = {"folder": Path(path).parent, "anywhere": allow_paths}
+    return load_section(path, Scene, "a scene", SceneError, context=context)
 
 
 def period(scene: Scene, pendulum: Pendulum) -> float:
@@ -228,87 +221,85 @@ def check_physics(scene: Scene) -> None:
     `restoring = "linear"` is the law of small arcs on a support that is moved sideways, whatever resists or drives
     the pendulums; heave and supports that yield act on real pendulums.
     """
-    if scene.restoring == "linear" and any(term.axis == "vertical" for term in scene.motion):
-        raise ValueError("a vertical motion acts on real pendulums only; set restoring = 'sine'")
+    linear, case = scene.restoring == "linear", scene.case
+    sine = "on real pendulums only; set restoring = 'sine'"
+    refuse(linear and any(term.axis == "vertical" for term in scene.motion), f"a vertical motion acts {sine}")
     _check_conditions(scene)
-    _check_changes(scene)
+    if scene.support.kind != "fixed":
+        _check_fixed(scene)
+    refuse(linear and case is not None and case.roll is not None, f"case.roll acts {sine}")
+    course, largest = scene.gravity_course, 0.0  # of a table it is known once that is read
+    if course is not None and course.kind == "linear":
+        largest = abs(course.rate) * scene.duration
+    elif course is not None and course.kind == "sine":
+        largest = abs(course.amplitude)
+    told = f"gravity_course changes gravity by {largest:.3g} m/s^2, above {LARGEST_CHANGE:g} of it; make it smaller"
+    refuse(largest > LARGEST_CHANGE * scene.gravity, told)
     for each in scene.pendulums:
         own = frequency(scene, each)
-        if isinstance(each.start, FreeStart) and each.damping_rate >= own:
-            told = f"pendulums: {each.label!r} with damping_rate = {each.damping_rate:g} 1/s creeps and has no free"
-            raise ValueError(f"{told} harmonic (its frequency is {own:g} rad/s); start it with kind = 'state'")
+        told = f"pendulums: {each.label!r} with damping_rate = {each.damping_rate:g} 1/s creeps and has no free"
+        told += f" harmonic (its frequency is {own:g} rad/s); start it with kind = 'state'"
+        refuse(each.start.kind == "free" and each.damping_rate >= own, told)
     _check_support(scene)
 
 
 def _check_conditions(scene: Scene) -> None:
-    given = scene.conditions
-    if scene.support.kind != "fixed" and (given != type(given)() or any(each.drift for each in scene.pendulums)):
-        raise ValueError("conditions act on pendulums on a fixed support only; remove them, or the support")
+    given, name = scene.conditions, "conditions.temperature_amplitude"
+    lonely = scene.support.kind != "fixed" and (given != type(given)() or any(each.drift for each in scene.pendulums))
+    refuse(lonely, "conditions act on pendulums on a fixed support only; remove them, or the support")
     for each in scene.pendulums:
-        if period(scene, each) <= 0.5 * each.period or (given.yaw_rate or 0.0) * each.period > 1.0:
-            raise ValueError(f"conditions: {each.label!r} would hardly swing; make coefficients or yaw_rate smaller")
+        wrong = period(scene, each) <= 0.5 * each.period or (given.yaw_rate or 0.0) * each.period > 1.0
+        refuse(wrong, f"conditions: {each.label!r} would hardly swing; make coefficients or yaw_rate smaller")
     if given.temperature_amplitude:
-        if scene.restoring != "sine":
-            raise ValueError("conditions.temperature_amplitude acts on real pendulums only; set restoring = 'sine'")
+        refuse(scene.restoring != "sine", f"{name} acts on real pendulums only; set restoring = 'sine'")
         shares = [each.temperature_coefficient / period(scene, each) for each in scene.pendulums]
-        if max(shares) - min(shares) > _ONE_METAL * max(abs(share) for share in shares):
-            told = "conditions.temperature_amplitude needs pendulums of one metal"
-            raise ValueError(f"{told}; give temperature coefficients in proportion to the periods")
+        uneven = max(shares) - min(shares) > _ONE_METAL * max(abs(share) for share in shares)
+        remedy = "give temperature coefficients in proportion to the periods"
+        refuse(uneven, f"{name} needs pendulums of one metal; {remedy}")
 
 
-def _check_changes(scene: Scene) -> None:
-    course = scene.gravity_course
-    if scene.support.kind != "fixed":
-        if course is not None:
-            raise ValueError("gravity_course acts on pendulums on a fixed support only; remove it, or the support")
-        if scene.events or scene.case is not None or any(each.plane for each in scene.pendulums):
-            raise ValueError("events, case and plane are for pendulums on a fixed support; remove them, or the support")
-        if any(each.kick_intensity for each in scene.pendulums):
-            raise ValueError(
-                "kick_intensity acts on pendulums on a fixed support only; set it to 0, or fix the support"
-            )
-    if scene.restoring == "linear" and scene.case is not None and scene.case.roll is not None:
-        raise ValueError("case.roll acts on real pendulums only; set restoring = 'sine'")
-    sine = abs(course.amplitude) if isinstance(course, SineCourse) else 0.0
-    largest = abs(course.rate) * scene.duration if isinstance(course, LinearCourse) else sine
-    if largest > LARGEST_CHANGE * scene.gravity:
-        told = f"gravity_course changes gravity by {largest:.3g} m/s^2, above {LARGEST_CHANGE:g} of it"
-        raise ValueError(f"{told}; make it smaller")
+def _check_fixed(scene: Scene) -> None:
+    """Of a support that yields: what acts on pendulums on a fixed one only."""
+    given, only = scene.pendulums, "pendulums on a fixed support"
+    refuse(scene.gravity_course is not None, f"gravity_course acts on {only} only; remove it, or the support")
+    wrong = scene.events or scene.case is not None or any(each.plane for each in given)
+    refuse(wrong, f"events, case and plane are for {only}; remove them, or the support")
+    kicked = any(each.kick_intensity for each in given)
+    refuse(kicked, f"kick_intensity acts on {only} only; set it to 0, or fix the support")
 
 
 def _check_support(scene: Scene) -> None:
-    support, reduced = scene.support, isinstance(scene.support, BeamSupport) and scene.support.equations == "reduced"
-    if reduced:
+    support = scene.support
+    if support.kind == "fixed":
+        return
+    if support.kind == "beam" and support.equations == "reduced":
         _check_reduced(scene)
-    elif support.kind != "fixed" and scene.restoring != "sine":
-        raise ValueError(f"support: pendulums on a {support.kind} swing with the full sine; set restoring = 'sine'")
-    if isinstance(support, BoardSupport):
-        _check_board(scene, support)
-    elif support.kind != "fixed":
-        for each in scene.pendulums:
-            if each.mass is None:
-                raise ValueError(f"pendulums: {each.label!r} moves the {support.kind} it hangs on; give its mass")
+    else:
+        told = f"support: pendulums on a {support.kind} swing with the full sine; set restoring = 'sine'"
+        refuse(scene.restoring != "sine", told)
+    if support.kind == "board":
+        _check_board(scene, support.coupling)
+        return
+    for each in scene.pendulums:
+        refuse(each.mass is None, f"pendulums: {each.label!r} moves the {support.kind} it hangs on; give its mass")
 
 
 def _check_reduced(scene: Scene) -> None:
-    what = "support: the reduced beam knows"
-    remedy = "or choose equations = 'full'"
-    if scene.restoring != "linear":
-        raise ValueError(f"{what} small arcs only; set restoring = 'linear', {remedy}")
-    if any(term.kind != "still" for term in scene.motion):
-        raise ValueError(f"{what} no motion of the ship; remove it, {remedy}")
+    what, remedy = "support: the reduced beam knows", "or choose equations = 'full'"
+    refuse(scene.restoring != "linear", f"{what} small arcs only; set restoring = 'linear', {remedy}")
+    moved = any(term.kind != "still" for term in scene.motion)
+    refuse(moved, f"{what} no motion of the ship; remove it, {remedy}")
     for each in scene.pendulums:
-        if each.escapement is None or each.escapement.kind != "van-der-pol":
-            raise ValueError(f"{what} clocks with a van-der-pol escapement; give {each.label!r} one, {remedy}")
-        if any(getattr(each, name) for name in RESISTANCES):
-            raise ValueError(f"{what} no resistance; take that of {each.label!r} away, {remedy}")
+        other = each.escapement is None or each.escapement.kind != "van-der-pol"
+        refuse(other, f"{what} clocks with a van-der-pol escapement; give {each.label!r} one, {remedy}")
+        resisted = any(getattr(each, name) for name in RESISTANCES)
+        refuse(resisted, f"{what} no resistance; take that of {each.label!r} away, {remedy}")
 
 
-def _check_board(scene: Scene, board: BoardSupport) -> None:
+def _check_board(scene: Scene, coupling: float) -> None:
     count = len(scene.pendulums)
-    if board.coupling * count >= 1:
-        told = f"support: a coupling of {board.coupling:g} makes {count} metronomes outweigh the whole"
-        raise ValueError(f"{told}; make it smaller than {1 / count:g}")
-    if any(term.axis == "horizontal" and term.kind != "still" for term in scene.motion):
-        told = "support: a board that rolls freely stays behind when the ship moves sideways"
-        raise ValueError(f"{told}; remove the horizontal motion, or choose the kind 'frame'")
+    told = f"support: a coupling of {coupling:g} makes {count} metronomes outweigh the whole"
+    refuse(coupling * count >= 1, f"{told}; make it smaller than {1 / count:g}")
+    moved = any(term.axis == "horizontal" and term.kind != "still" for term in scene.motion)
+    told = "support: a board that rolls freely stays behind when the ship moves sideways"
+    refuse(moved, f"{told}; remove the horizontal motion, or choose the kind 'frame'")

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationError, WithJsonSchema
+
+from data_schemas.errors import IsochronyError
+from data_schemas.text_files import load_toml
 
 _LONGEST_VALUE = 60
 _TYPE_NAMES = frozenset({"float", "int", "str", "constrained-int", "constrained-str"})  # pydantic's, within a location
@@ -86,6 +90,29 @@ Rational = Annotated[
     PlainSerializer(str, return_type=str),
     WithJsonSchema({"anyOf": [_NUMBER_SCHEMA, _RATIO_SCHEMA]}),
 ]
+
+
+_Kind = TypeVar("_Kind", bound=Section)
+
+
+def load_section(
+    path: str | os.PathLike[str],
+    kind: type[_Kind],
+    what: str,
+    fault: type[IsochronyError],
+    unread: type[IsochronyError] | None = None,
+    context: Mapping[str, Any] | None = None,
+) -> _Kind:
+    """Read a section of its own from a TOML file that should hold `what` ("a scene").
+
+    `fault`, in one line: the file, every faulty key, its value and what is allowed. `unread`, as `fault` where it is
+    left out: the file cannot be read, or is not TOML.
+    """
+    content = load_toml(path, what, unread or fault)
+    try:
+        return kind.model_validate(content, context=context)
+    except ValidationError as error:
+        raise fault(f"{os.fspath(path)}: {one_line(error, kind)}") from None
 
 
 def one_line(error: ValidationError, model: type[Section]) -> str:

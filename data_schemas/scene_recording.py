@@ -131,8 +131,8 @@ class Recording(Section):
         refuse(self.outlier_amplitude and not self.outliers, "outlier_amplitude needs a number of outliers")
         least = float(self.step) + min((each.size for each in self.clock_steps), default=0.0)
         refuse(not least > 0, "clock_steps back by more than a sampling step make time run backwards")
-        if self.marks and self.sampling_rate != _DEFAULT_RATE:
-            raise ValueError("give either sampling_rate or marks = true; marks are mark_interval apart")
+        both = self.marks and self.sampling_rate != _DEFAULT_RATE
+        refuse(both, "give either sampling_rate or marks = true; marks are mark_interval apart")
         refuse(not self.marks and self.mark_interval != _DEFAULT_MARKS, "mark_interval needs marks = true")
         check_distinct((trace.name for trace in self.traces or ()), "traces must have different names")
         refuse(self.traces == (), "traces must name at least one trace, or be left out")
@@ -221,10 +221,8 @@ class Film(Section):
     def _consistent(self) -> Self:
         check_distinct((trace.name for trace in self.traces), "traces must have different names")
         refuse(self.gap > 0.5 * self.mark_interval, "gap must be at most half of mark_interval")
-        if self.minute_code and not self.gap < self.minute_code < self.mark_interval - self.gap:
-            raise ValueError(
-                "minute_code must be longer than the gap and shorter than mark_interval less the gap, or 0"
-            )
+        wrong = self.minute_code and not self.gap < self.minute_code < self.mark_interval - self.gap
+        refuse(wrong, "minute_code must be longer than the gap and shorter than mark_interval less the gap, or 0")
         slowest = 1.0 - max(-self.drift, 0.0) - self.wow - 4.0 * self.walk
         refuse(slowest < 0.1, "drift, wow and walk together would stop the film; make them smaller")
         darkest = self.fog + abs(self.fog_gradient)

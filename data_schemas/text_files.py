@@ -65,18 +65,16 @@ def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyErro
     name = shown(path, 400)
     try:
         raw = Path(path).read_bytes()
+        for number, line in enumerate(raw.splitlines(), start=1):
+            if len(line) > MOST_LINE:
+                raise error(f"{name}: line {number} has {len(line)} bytes, more than {MOST_LINE}; {remedy}")
+        if b"\0" not in raw:
+            return raw.decode("utf-8-sig")
     except OSError as fault:
         raise error(f"{name}: cannot be read ({fault.strerror}); make the file readable") from None
-    for number, line in enumerate(raw.splitlines(), start=1):
-        if len(line) > MOST_LINE:
-            raise error(f"{name}: line {number} has {len(line)} bytes, more than {MOST_LINE}; {remedy}")
-    try:
-        text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise error(f"{name}: is not UTF-8 text; export it as CSV (UTF-8)")
-    return text
+        pass  # as text with a null character, it is of another kind
+    raise error(f"{name}: is not UTF-8 text; export it as CSV (UTF-8)")
 
 
 def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:

@@ -268,15 +268,12 @@ def lay_out(file: h5py.File, contents: Contents) -> dict[str, h5py.Dataset]:
         for name, entry in variables.items():
             where = key(path, name)
             _usable(name, where)
-            if where not in arrays:
-                # what is called as a dimension, and is not its coordinate, has another name
-                stored = _variable(made, f"{NOT_COORDINATE}{name}" if name in known else name, entry)
-                write_attributes(stored, entry.attrs, where)
-                for axis, dim in enumerate(entry.dims):
-                    h5ds.attach_scale(stored.id, known[dim].id, axis)
-                arrays[where] = stored
-            else:
-                write_attributes(arrays[where], entry.attrs, where)
+            coordinate = where in arrays
+            if not coordinate:  # what is called as a dimension, and is not its coordinate, has another name
+                arrays[where] = _variable(made, f"{NOT_COORDINATE}{name}" if name in known else name, entry)
+            write_attributes(arrays[where], entry.attrs, where)
+            for axis, dim in enumerate(() if coordinate else entry.dims):
+                h5ds.attach_scale(arrays[where].id, known[dim].id, axis)
     return arrays
 
 

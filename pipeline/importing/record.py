@@ -138,10 +138,8 @@ def _elongation(
         name = table.names[column]
         unit = unit_in(name, {each: each for each in NO_ANGLES})
         if unit and name.rstrip()[-1] in ")]":
-            raise RecordError(
-                f"{table.source}: column '{name}' is in {unit}, which is no angle; choose others with "
-                "--column, or say --xy X,Y where they are a bob's position"
-            )
+            remedy = "choose others with --column, or say --xy X,Y where they are a bob's position"
+            raise RecordError(f"{table.source}: column '{name}' is in {unit}, which is no angle; {remedy}")
     scale = np.array([options.radians_per_unit(unit_in(table.names[column], ANGLES)) for column in chosen.values()])
     angles = np.array([table.numbers(column) for column in chosen.values()]) * scale[:, None]
     for (label, column), trace in zip(chosen.items(), angles, strict=True):
@@ -195,20 +193,13 @@ def combine(traces: Sequence[str], given: Mapping[str, str]) -> tuple[list[str],
     parts = {trace: given.get(trace, trace).split("-") for trace in traces}
     for trace, labels in parts.items():
         if not all(_LABEL.fullmatch(label) for label in labels) or len(set(labels)) < len(labels):
-            raise UsageError(
-                f"trace '{trace}': '{given.get(trace, trace)}' is no combination of different pendulums; "
-                f"write --combination {trace}=1 or {trace}=1-2"
-            )
+            told = f"trace '{trace}': '{given.get(trace, trace)}' is no combination of different pendulums"
+            raise UsageError(f"{told}; write --combination {trace}=1 or {trace}=1-2")
     pendulums = sorted({label for labels in parts.values() for label in labels}, key=by_number)
-    matrix = np.zeros((len(traces), len(pendulums)))
-    for row, labels in enumerate(parts.values()):
-        for order, label in enumerate(labels):
-            matrix[row, pendulums.index(label)] = 1.0 if order == 0 else -1.0
+    matrix = np.array([[float(x == first) - (x in others) for x in pendulums] for first, *others in parts.values()])
     if len(traces) > 1 and np.linalg.matrix_rank(matrix) < len(traces):
-        raise UsageError(
-            f"traces {', '.join(traces)} repeat each other as combinations of pendulums; "
-            "leave one out with --column, or correct --combination"
-        )
+        told = f"traces {', '.join(traces)} repeat each other as combinations of pendulums"
+        raise UsageError(f"{told}; leave one out with --column, or correct --combination")
     return pendulums, matrix
 
 
@@ -302,20 +293,18 @@ def relative_times(table: Table, column: int) -> tuple[str, str, NDArray[np.floa
     if late.size:
         row = int(late[0]) + 1
         what = "repeats" if times[row] == times[row - 1] else "goes back from"
-        raise RecordError(
-            f"{table.source}: line {table.lines[row]}: time {shown(table.rows[row][column])} {what} that of line "
-            f"{table.lines[row - 1]}; sort the rows and keep one row a time"
-        )
+        here, last = f"line {table.lines[row]}: time {shown(table.rows[row][column])}", table.lines[row - 1]
+        raise RecordError(f"{table.source}: {here} {what} that of line {last}; sort the rows and keep one row a time")
     return start, reading, times
 
 
 def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
-    values = table.numbers(column)
-    for line, value in zip(table.lines, values, strict=True):
-        if value != value:
-            raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
+    values: NDArray[np.float64] = np.array(table.numbers(column))
+    if missing := np.flatnonzero(np.isnan(values)).tolist():
+        line = table.lines[missing[0]]
+        raise RecordError(f"{table.source}: line {line}: the time is missing; fill it in or remove the row")
     if abs(values[0]) < _COARSE:
-        return np.array(values) - values[0]
+        return np.array(values - values[0])
     cells = (row[column].replace(",", ".") for row in table.rows)
     exact = [Decimal(cell if value else 0) for cell, value in zip(cells, values, strict=True)]  # 0e-9999999999999999999
     return np.array([float(value - exact[0]) for value in exact])
@@ -331,10 +320,8 @@ def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
             # A date without a zone is taken as UTC: only differences matter.
             moments.append((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC))
         except (ValueError, OverflowError):
-            raise RecordError(
-                f"{table.source}: line {line}: time '{shown(row[column])}' is no ISO date "
-                "such as 2024-05-01T12:00:00.25Z; correct it or remove the row"
-            ) from None
+            told = f"line {line}: time '{shown(row[column])}' is no ISO date such as 2024-05-01T12:00:00.25Z"
+            raise RecordError(f"{table.source}: {told}; correct it or remove the row") from None
     start = moments[0].isoformat().replace("+00:00", "Z")
     seconds = np.array([(moment - moments[0]).total_seconds() for moment in moments])
     return start, seconds + (np.array(rest) - rest[0])

@@ -43,10 +43,8 @@ class Table:
         for line, row in zip(self.lines, self.rows, strict=True):
             value = number(row[column])
             if value is None or value in (float("inf"), float("-inf")):
-                raise RecordError(
-                    f"{self.source}: line {line}, column {self.title(column)}: "
-                    f"'{shown(row[column])}' is not a finite number; correct it, or leave the cell empty if missing"
-                )
+                told = f"line {line}, column {self.title(column)}: '{shown(row[column])}' is not a finite number"
+                raise RecordError(f"{self.source}: {told}; correct it, or leave the cell empty if missing")
             values.append(value)
         return values
 
@@ -141,10 +139,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
         names = [""] * width
     for index, row in zip(lines, rows, strict=True):
         if len(row) != width:
-            raise RecordError(
-                f"{source}: line {index} has {len(row)} cells where the first row has {width}; "
-                "write every row with the same delimiters"
-            )
+            told = f"line {index} has {len(row)} cells where the first row has {width}"
+            raise RecordError(f"{source}: {told}; write every row with the same delimiters")
     return Table(source, tuple(names), tuple(lines), tuple(tuple(row) for row in rows))
 
 
@@ -199,10 +195,8 @@ def choose_columns(table: Table, beside: set[int], wanted: Sequence[str]) -> dic
     `RecordError`: the table has no column beside the time. `UsageError`: a request that names no column, the time, or a
     label twice.
     """
-    if wanted:
-        given = [_split(table, text) for text in wanted]
-    else:
-        given = [(column, "") for column in range(len(table.names)) if column not in beside]
+    given = [_split(table, text) for text in wanted]
+    given = given or [(column, "") for column in range(len(table.names)) if column not in beside]
     if not given:
         raise RecordError(f"{table.source}: has a single column; times and at least one column of angles are needed")
     chosen: dict[str, int] = {}

@@ -14,9 +14,10 @@ import pytest
 
 from data_schemas import content_sha256, guard, read, validate, write, writing
 from data_schemas.appending import Appended, Sink
+from data_schemas.checksum import slabs
 from data_schemas.contents import Contents, Entry, Group, from_tree
 from data_schemas.errors import FileError
-from data_schemas.reading import skim, slabs
+from data_schemas.reading import skim
 
 
 def cut(contents: Contents, begin: int, end: int) -> Contents:

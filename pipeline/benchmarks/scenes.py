@@ -8,7 +8,7 @@ import numpy as np
 
 from data_schemas.scene import Scene
 from pipeline.benchmarks.records import Made
-from pipeline.gravity import MGAL
+from pipeline.conditions import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
 from pipeline.reduction import reduce_by

@@ -141,26 +141,27 @@ def make_folder(output: Path) -> None:
 
 @contextlib.contextmanager
 def folder_for_output(folder: Path) -> Iterator[None]:
-    """Create a folder, with those above it, for what is written inside; what stays empty goes again."""
+    """Create a folder, with those above it, for what is written inside; what stays empty goes again.
+
+    SIGTERM is an exception meanwhile.
+    """
+
+    def leave(_number: int, _frame: FrameType | None) -> None:
+        sys.exit(STATUS)
+
     missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
-    make_folder(folder / "output")
+    before = signal.signal(signal.SIGTERM, leave)
     try:
+        make_folder(folder / "output")
         yield
     finally:
+        signal.signal(signal.SIGTERM, before)
         for each in missing:  # the deepest first
             with contextlib.suppress(OSError):  # not empty: something was written
                 each.rmdir()
 
 
-@contextlib.contextmanager
-def orderly() -> Iterator[None]:
-    """Turn SIGTERM into an exception for as long as files are being written."""
-
-    def leave(_number: int, _frame: FrameType | None) -> None:
-        sys.exit(STATUS)
-
-    before = signal.signal(signal.SIGTERM, leave)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def store(tree: DataTree, output: Path, *, force: bool) -> None:
+    """Write a tree into a folder that is made for it if need be."""
+    make_folder(output)
+    data_schemas.write(tree, output, overwrite=force)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import math
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 import synth
 from data_schemas.errors import IsochronyError, UsageError, naming
-from pipeline.cli.files import folder_for_output, orderly, place, read_checked, refuse_clashes, stem
+from pipeline.cli.files import folder_for_output, place, read_checked, refuse_clashes, stem
 from pipeline.cli.parser import Verb, number, positive, processors, whole_number
 from pipeline.cli.tables import print_json, progress
 
@@ -85,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     truth_path = record_path.with_name(stem(record_path) + ".truth.nc")
     refuse_clashes([path], [record_path, truth_path], force=options.force)
     scene = _scene(path, options)
-    with orderly(), folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
+    with folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
         samples = synth.simulate_to(scene, record_path, truth_path, overwrite=options.force, progress=draw)
     print(f"{record_path}: {samples} samples of {', '.join(trace.name for trace in scene.traces)}")
     changing = ", to which gravity_course is added" if scene.gravity_course is not None else ""
@@ -103,7 +106,7 @@ def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | 
     if len(vary) < len(options.vary or []):
         raise UsageError("--vary names a key twice; name each once")
     workers = options.workers or max(1, min(processors(), options.ensemble // _WORTHWHILE))
-    with orderly(), folder_for_output(folder), progress(name, " members") as draw:
+    with folder_for_output(folder), progress(name, " members") as draw:
         how = {"name": name, "vary": vary, "workers": workers, "overwrite": options.force, "progress": draw}
         written = synth.write_ensemble(scene, options.ensemble, folder, **how)
     kept = f", {written.kept} of them kept from before" if written.kept else ""
@@ -145,12 +148,15 @@ def _range(word: str) -> tuple[str, tuple[float, float]]:
 
 def find_scene(name: str, out: str | None, ending: str) -> tuple[Path, str | None]:
     """Path of the scene, and `-o`: outputs of a shipped scene go to the present folder, not the package."""
-    path = Path(name)
-    if path.is_file() or path.suffix or path.parent != Path("."):
-        return path, out
+    path = shipped(name)
+    return path, f"./{name}.{ending}" if out is None and path != Path(name) else out
 
-    shipped = Path(synth.scene_path(name))
-    return shipped, out if out is not None else f"./{name}.{ending}"
+
+def shipped(name: str, is_there: Callable[[str], bool] = os.path.isfile) -> Path:
+    """Path of a scene; one that ships with the package may be named without one, where nothing else has its name."""
+    path = Path(name)
+    is_path = is_there(name) or path.suffix or path.parent != Path(".") or glob.has_magic(name)
+    return path if is_path else Path(synth.scene_path(name))
 
 
 def print_explanation(scene: Scene, *, as_json: bool) -> None:
@@ -163,9 +169,9 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
     if as_json:
         print_json({"record_id": scene.record_id, "title": scene.title, **asdict(told)})
         return
-    wanted = "none: as exact as the propagator can" if told.tolerance is None else power(told.tolerance)
+    wanted = "none: as exact as the propagator can" if told.tolerance is None else f"{told.tolerance:.2g}"
     refused = {"if it refuses": ", then ".join(told.instead)} if told.instead else {}
-    error = {"tolerance": wanted, "expected error": f"{power(told.expected_error)} of the largest angle"}
+    error = {"tolerance": wanted, "expected error": f"{told.expected_error:.2g} of the largest angle"}
     blocks = {
         "scene": {"pendulums": told.pendulums, "readings": told.readings},
         "terms": told.terms | {"left out": ", ".join(told.left_out) or "nothing"},
@@ -176,16 +182,6 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
         print(f"\n{heading}")
         for name, words in entries.items():
             print(f"  {name:<19}{words}")
-
-
-def power(value: float) -> str:
-    """Show an error by its size.
-
-    >>> power(1e-13), power(2.5e-7)
-    ('1e-13', '2.5e-07')
-    """
-    exponent = math.floor(math.log10(value) + 1e-9)
-    return f"1e{exponent:d}" if math.isclose(value, 10.0**exponent) else f"{value:.2g}"
 
 
 def _add_expose_options(parser: argparse.ArgumentParser) -> None:
@@ -216,7 +212,7 @@ def _expose(options: argparse.Namespace) -> int:
     else:
         source = data_schemas.load_scene(path, allow_paths=options.allow_paths)
     try:
-        with orderly(), folder_for_output(target.parent), progress(target.name, " rows") as draw:
+        with folder_for_output(target.parent), progress(target.name, " rows") as draw:
             made = synth.expose_to(source, film, target, seed=options.seed, overwrite=options.force, progress=draw)
     except IsochronyError as fault:
         raise type(fault)(naming(path, str(fault))) from None

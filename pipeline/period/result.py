@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.contents import Contents
 from data_schemas.variables import dataset
-from pipeline.gravity import DAY, MGAL
+from pipeline.conditions import DAY, MGAL
 from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period

@@ -21,7 +21,7 @@ from data_schemas.checking import checked
 from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present, unwrapped
-from pipeline.gravity import DAY
+from pipeline.conditions import DAY
 from pipeline.observation import combine, weights_of
 from pipeline.reduction import of_film
 from pipeline.result import result_attributes

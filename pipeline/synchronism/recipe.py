@@ -69,7 +69,11 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = recorded - recorded[0]
-    _refuse_rare(record, float(np.median(np.diff(time))))
+    spacing = float(np.median(np.diff(time)))
+    shortest = float(np.min(record["instrument"].dataset["period"].values)) if "instrument" in record.children else 0.0
+    if spacing > 0.5 * shortest > 0.0:  # they show another, slower swing: nothing in them tells
+        said = f"readings {spacing:g} s apart are further than half a swing of {shortest:g} s"
+        raise RefusedError(f"synchrony: {said}; record them more often")
     seen = phases(time, elongation)
     moved, direction = _beam(record, time, seen)
     values = {"clock": labels, "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
@@ -141,14 +145,6 @@ def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any],
     size, direction = max(found, key=lambda each: each[0])
     swings = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     return ({"beam_amplitude": size, "beam_ratio": size / swings} if direction else {}), direction
-
-
-def _refuse_rare(record: DataTree, spacing: float) -> None:
-    """Readings further apart than half a swing show another, slower one: nothing in them tells."""
-    shortest = float(np.min(record["instrument"].dataset["period"].values)) if "instrument" in record.children else 0.0
-    if spacing > 0.5 * shortest > 0.0:
-        said = f"readings {spacing:g} s apart are further than half a swing of {shortest:g} s"
-        raise RefusedError(f"synchrony: {said}; record them more often")
 
 
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:

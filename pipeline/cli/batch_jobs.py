@@ -21,7 +21,7 @@ from pipeline.batch.inputs import MOST, Input, Variant, find_inputs, grid, parse
 from pipeline.batch.job import Allow, Config, Kind
 from pipeline.batch.ledger import NAME, Index, Ledger, Log
 from pipeline.batch.summary import NAMES, write_summary
-from pipeline.cli.files import exit_status, folder_for_output, refuse_clashes
+from pipeline.cli.files import exit_status, folder_for_output, orderly, refuse_clashes
 from pipeline.cli.parser import processors
 from pipeline.cli.process import reduction_options, requested_methods
 from pipeline.cli.simulate import shipped
@@ -122,7 +122,7 @@ def run_batch(options: argparse.Namespace) -> int:
 def _do(options: argparse.Namespace, jobs: list[Job], ledger: Ledger, log: Log, tally: Tally) -> bool:
     """Do the work; whether the summary could be written."""
     folder = Path(options.out)
-    with progress("batch", " records") as draw:
+    with orderly(), progress("batch", " records") as draw:
         campaign.remove_leftovers(folder)
         how = {"anew": options.force, "retry_failed": options.retry_failed, "limit": options.limit, "progress": draw}
         try:

@@ -141,24 +141,29 @@ def make_folder(output: Path) -> None:
 
 @contextlib.contextmanager
 def folder_for_output(folder: Path) -> Iterator[None]:
-    """Create a folder, with those above it, for what is written inside; what stays empty goes again.
+    """Create a folder, with those above it, for what is written inside; what stays empty goes again."""
+    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
+    make_folder(folder / "output")
+    try:
+        yield
+    finally:
+        for each in missing:  # the deepest first
+            with contextlib.suppress(OSError):  # not empty: something was written
+                each.rmdir()
 
-    SIGTERM is an exception meanwhile.
-    """
+
+@contextlib.contextmanager
+def orderly() -> Iterator[None]:
+    """Turn SIGTERM into an exception for as long as files are being written."""
 
     def leave(_number: int, _frame: FrameType | None) -> None:
         sys.exit(STATUS)
 
-    missing = [each for each in (folder, *folder.parents) if not os.path.exists(each)]
     before = signal.signal(signal.SIGTERM, leave)
     try:
-        make_folder(folder / "output")
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-        for each in missing:  # the deepest first
-            with contextlib.suppress(OSError):  # not empty: something was written
-                each.rmdir()
 
 
 def store(tree: DataTree, output: Path, *, force: bool) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import data_schemas
 import synth
 from data_schemas.errors import IsochronyError, UsageError, naming
-from pipeline.cli.files import folder_for_output, place, read_checked, refuse_clashes, stem
+from pipeline.cli.files import folder_for_output, orderly, place, read_checked, refuse_clashes, stem
 from pipeline.cli.parser import Verb, number, positive, processors, whole_number
 from pipeline.cli.tables import print_json, progress
 
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     truth_path = record_path.with_name(stem(record_path) + ".truth.nc")
     refuse_clashes([path], [record_path, truth_path], force=options.force)
     scene = _scene(path, options)
-    with folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
+    with orderly(), folder_for_output(record_path.parent), progress(scene.record_id, " samples") as draw:
         samples = synth.simulate_to(scene, record_path, truth_path, overwrite=options.force, progress=draw)
     print(f"{record_path}: {samples} samples of {', '.join(trace.name for trace in scene.traces)}")
     changing = ", to which gravity_course is added" if scene.gravity_course is not None else ""
@@ -106,7 +106,7 @@ def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | 
     if len(vary) < len(options.vary or []):
         raise UsageError("--vary names a key twice; name each once")
     workers = options.workers or max(1, min(processors(), options.ensemble // _WORTHWHILE))
-    with folder_for_output(folder), progress(name, " members") as draw:
+    with orderly(), folder_for_output(folder), progress(name, " members") as draw:
         how = {"name": name, "vary": vary, "workers": workers, "overwrite": options.force, "progress": draw}
         written = synth.write_ensemble(scene, options.ensemble, folder, **how)
     kept = f", {written.kept} of them kept from before" if written.kept else ""
@@ -212,7 +212,7 @@ def _expose(options: argparse.Namespace) -> int:
     else:
         source = data_schemas.load_scene(path, allow_paths=options.allow_paths)
     try:
-        with folder_for_output(target.parent), progress(target.name, " rows") as draw:
+        with orderly(), folder_for_output(target.parent), progress(target.name, " rows") as draw:
             made = synth.expose_to(source, film, target, seed=options.seed, overwrite=options.force, progress=draw)
     except IsochronyError as fault:
         raise type(fault)(naming(path, str(fault))) from None

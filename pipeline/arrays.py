@@ -27,12 +27,6 @@ def median_present(series: Floats) -> float:
     return float(np.median(present)) if present.size else float("nan")
 
 
-def largest_present(series: Floats) -> float:
-    """Largest of the values that are not missing; NaN where all are. `max` alone is many times as fast as `fmax`."""
-    largest = float(series.max())
-    return float(np.fmax.reduce(series)) if np.isnan(largest) else largest
-
-
 def row_means_present(rows: Floats) -> Floats:
     """Mean of each row's values that are not missing, (rows,); NaN where all are, without NumPy's warning.
 

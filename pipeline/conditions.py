@@ -30,7 +30,7 @@ AIR = ("air_density", "air_density_reference", "density_coefficient")
 MOST_CHANGE = 0.02  # of a period, by temperature, air and drift together
 MOST_TURN = 0.1  # of the swing's frequency
 MOST_TILT = 0.1  # rad2: 18 degrees
-MGAL = 1e-5  # m s-2
+MGAL, DAY = 1e-5, 86400.0  # m s-2, s
 BASE = ("base_time", "base_gravity", "base_period")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.arrays import Floats, evened, row_means_present
-from pipeline.conditions import Constants, Tie, by_air, by_temperature, rate_uncertainty, refuse_impossible, tie
+from pipeline.conditions import DAY, Constants, Tie, by_air, by_temperature, rate_uncertainty, refuse_impossible, tie
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -70,7 +70,7 @@ class Observation:
         Tilt, rate of turn and the ship's way are in it: it is what accelerations of the support compare with.
         """
         stretched = 1.0 if self.period_change is None else 1.0 + float(self.period_change[1])
-        clock = 1.0 + self.chronometer_rate / 86400.0
+        clock = 1.0 + self.chronometer_rate / DAY
         return self.reference_gravity * (frequency * stretched / (clock * float(self.frequency_reference[1]))) ** 2
 
     @property

@@ -14,20 +14,21 @@ from pipeline.arrays import Floats
 
 
 def phase_speed(
-    frequency_1: float,
-    frequency_2: float,
+    frequency_1: ArrayLike,
+    frequency_2: ArrayLike,
     amplitude_1: ArrayLike,
     amplitude: ArrayLike,
     lead: ArrayLike,
-    damping_difference: float = 0.0,
+    damping_difference: ArrayLike = 0.0,
 ) -> Floats:
-    """Phase speed of the fictitious pendulum, (9), and of the difference pendulum, (25) and (27).
+    """Phase speed of the fictitious pendulum, (9), and of the difference pendulum, (25), (27) and (38).
 
     `phi' = n2 + (n1-n2) (a1/a) cos(phi1-phi) - (gamma1-gamma2) (a1/a) sin(phi1-phi)`, the damping added. With a1, phi1
     of the raw `theta1 - i theta1'/n1` this is (9), and the slow motion leaks in as (14) shows; with the separated
-    harmonic Theta1, Phi1 it is (27). `damping_difference` is gamma1 - gamma2, s-1.
+    harmonic Theta1, Phi1 it is (27). `damping_difference` is gamma1 - gamma2, s-1. With the phase speeds of any two
+    harmonics for n1 and n2, and `a2'/a2 - a1'/a1` for the damping, it is the identity (38).
     """
-    turn = (frequency_1 - frequency_2) * np.cos(lead) - damping_difference * np.sin(lead)
+    turn = np.subtract(frequency_1, frequency_2) * np.cos(lead) - np.multiply(damping_difference, np.sin(lead))
     return np.asarray(frequency_2 + turn * np.asarray(amplitude_1) / np.asarray(amplitude))
 
 
@@ -93,16 +94,6 @@ def speed_of_difference(amplitude: Floats, lead: ArrayLike, speed: Floats, growt
     square = one**2 + two**2 - 2.0 * one * two * cos
     turn = two * (two - one * cos) * (speed[0] - speed[1]) + (growth[0] * two - one * growth[1]) * sin
     return np.asarray(speed[0] - turn / square)
-
-
-def speed_of_difference_from_second(amplitude: Floats, lead: ArrayLike, speed: Floats, growth: Floats) -> Floats:
-    """The same by (38), which begins with the second harmonic.
-
-    `amplitude` (3, ...) are those of the two and of their difference, `lead` is phi1 - phi.
-    """
-    apart = growth[0] / amplitude[0] - growth[1] / amplitude[1]
-    turn = (speed[0] - speed[1]) * np.cos(lead) + apart * np.sin(lead)
-    return np.asarray(speed[1] + amplitude[0] / amplitude[2] * turn)
 
 
 def amplitude_rate(

@@ -1,4 +1,6 @@
-"""One observation made ready: refused where it has outliers; intermediates made once, when asked for.
+"""What a method is given, one observation made ready, and what it returns, an estimate.
+
+An observation is refused where it has outliers; intermediates are made once, when asked for.
 
 Each sample is compared with the fit of {1, t, t^2, t^3, cos, sin, t cos, t sin} through the half second on either side,
 itself left out: what neighbours do not predict is an outlier, or white noise.
@@ -6,13 +8,14 @@ itself left out: what neighbours do not predict is an outlier, or white noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats, largest_present, median_present
+from pipeline.arrays import Floats, median_present
 from pipeline.harmonics.envelope import Envelope, SlowMotion, sliding_envelope, slow_motion
 from pipeline.harmonics.narrowband import Budget, NarrowbandFit, budget, fit_narrowband
 from pipeline.observation import Observation
@@ -32,6 +35,7 @@ _STORED = {
     "difference": "record/elongation",
     "vertical": "record/vertical_acceleration",
 }
+COLOUR_SECONDS = 4.0  # length of the blocks in which a residual is compared with a swing
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
 
@@ -112,6 +116,31 @@ class Prepared:
         return sensitivity * noise
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """Frequency of the second pendulum, as one method has it, in the record's own time."""
+
+    frequency: float  # circular, at infinitesimal arc, undamped, rad s-1
+    uncorrected: float  # the same from the plain slope of the difference's phase, rad s-1
+    sigma: float  # 1 sigma of `frequency` from reading noise, rad s-1
+    noise: float  # 1-sigma residual of the difference, rad (equivalent white reading noise)
+    damping_rate: float  # gamma2 used or fitted, s-1
+    samples: int  # of the difference that were used
+    residual_colour: float = 1.0  # power of the residual near the swing over white noise's of the same total
+    shifts: Mapping[str, Floats] | None = None
+    """Phases that the method took off the difference's, (k,) rad at the envelope's instants, by `correction.PARTS`;
+    None: the frequency comes in another way."""
+    finite_arc: float = 0.0  # part of the correction that is due to the finite arc, rad s-1
+    acceleration_reduced: bool = False  # whether the support's acceleration was reduced as it acts on real pendulums
+    of_mean: bool = False
+    """Whether it is that of the mean of gravity over the record, and the periods' uncertainty is in `sigma`; else it is
+    that of a phase's slope."""
+    parts: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
+    """Entries of the ledger within the correction, by name: value and 1 sigma, mGal, and words."""
+    shares: Mapping[str, float] = field(default_factory=lambda: {"reading": 1.0})
+    """Of the square of `sigma`, by source; they add up to 1."""
+
+
 def prepare(observation: Observation) -> Prepared:
     """Look at both series once.
 
@@ -159,13 +188,10 @@ def outliers_and_noise(series: Floats, step: float, frequency: float) -> tuple[b
     if series.size < 6 * reach or step * frequency > MOST_ANGLE:
         return False, float("nan")
     taps = leave_one_out(reach, step, frequency)
-    # in pieces: of up to eleven taps numpy's correlation is several times as fast
-    pieces = np.array_split(np.arange(taps.size), -(-taps.size // 11))
-    count = series.size - taps.size
-    error = np.abs(sum(np.correlate(series[k[0] : k[-1] + 1 + count], taps[k], "valid") for k in pieces))
+    error = np.abs(np.correlate(series, taps, "valid"))
     scale = median_present(error[:: max(1, error.size // PLACES)]) / 0.6745
     threshold = np.sqrt(THRESHOLD**2 + 2.0 * np.log(max(error.size / USUAL, 1.0)))
-    outliers = largest_present(error) > max(threshold * scale, FLOOR * largest_present(np.abs(series)))
+    outliers = np.fmax.reduce(error) > max(threshold * scale, FLOOR * np.fmax.reduce(np.abs(series)))
     return bool(outliers), scale / float(np.linalg.norm(taps))
 
 

@@ -17,7 +17,7 @@ from pipeline.correction import NON_ISOCHRONISM, PARTS, by_periods, of_real_pend
 from pipeline.harmonics.envelope import HOP_SECONDS
 from pipeline.methods import BEST_FIRST
 from pipeline.methods.phases import LEAST_AMPLITUDE
-from pipeline.phase_speed import amplitude_rate, phase_speed, speed_of_difference, speed_of_difference_from_second
+from pipeline.phase_speed import amplitude_rate, phase_speed, speed_of_difference
 from pipeline.prepared import Prepared
 from pipeline.reduction import Reduction
 
@@ -31,9 +31,8 @@ SPECTRUM = 1024  # samples a segment
 
 def best_of(reductions: Sequence[Reduction]) -> Reduction | None:
     """The most exact method that gave a value."""
-    given = [each for each in reductions if each.estimate is not None]
-    order = {name: place for place, name in enumerate(BEST_FIRST)}
-    return min(given, key=lambda each: order.get(each.method, len(order)), default=None)
+    given, order = [each for each in reductions if each.estimate is not None], list(BEST_FIRST)
+    return min(given, key=lambda each: order.index(each.method) if each.method in order else 99, default=None)
 
 
 @np.errstate(invalid="ignore", divide="ignore")
@@ -79,7 +78,7 @@ def phases(prepared: Prepared, reductions: Sequence[Reduction], known: Floats) -
                 phase_speed(one, frequency, np.abs(raw[0]), amplitude[2], np.angle(raw[0] / turned)),
                 phase_speed(one, frequency, amplitude[0], amplitude[2], lead, apart),
                 speed_of_difference(amplitude[:2], phase[0] - phase[1], speeds, growth),
-                speed_of_difference_from_second(amplitude, phase[0] - phase[2], speeds, growth),
+                phase_speed(speeds[0], speeds[1], amplitude[0], amplitude[2], phase[0] - phase[2], apart),
             ]
         ),
         "amplitude_rate": np.gradient(amplitude[2], time),

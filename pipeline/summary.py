@@ -177,10 +177,6 @@ class Isochrony:
 
     def _repr_html_(self) -> str:
         rows = self.summary()
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in SHOWN)
-        body = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(str(row.get(name)))}</td>' for name in SHOWN)}</tr>" for row in rows
-        )
         flags = dict.fromkeys(flag for row in rows for flag in row["flags"])
         words = "".join(f"<li><b>{html.escape(flag)}</b>: {html.escape(told(flag))}</li>" for flag in flags)
         best = next((row for row in reversed(rows) if row["gravity_m_s2"] is not None), None)
@@ -189,4 +185,5 @@ class Isochrony:
             band = f"g = {best['gravity_m_s2']:.8f} ± {best['gravity_sigma_mgal'] * 1e-5:.8f} m/s²"
             lead = f"{band} by {html.escape(str(best['method']))}"
         name = html.escape(str(self._tree.attrs.get("record_id", "")))
-        return f"<p><b>{name}</b>: {lead}</p><ul>{words}</ul><table><tr>{head}</tr>{body}</table>"
+        table = self.table().reset_index()[list(SHOWN)].to_html(index=False)
+        return f"<p><b>{name}</b>: {lead}</p><ul>{words}</ul>{table}"

@@ -46,7 +46,7 @@ _M_TRIM_THRESHOLD, _KEPT = -1, 16 << 20  # bytes that malloc may keep between re
 _M_MMAP_THRESHOLD, _MAPPED = -3, 8 << 20  # and blocks it asks of the system one by one
 
 
-class Isolated:
+class Isolated(contextlib.AbstractContextManager["Isolated"]):
     """A process that does one record at a time, with these methods warmed up; a context manager.
 
     A record may take `timeout` seconds, the start of the process not counted. `form` is what it was made with.
@@ -58,9 +58,6 @@ class Isolated:
         self._job: tuple[Path, Config] | None = None
         self._clean: Callable[[], object] = lambda: None
         self._begun, self._attempt = 0.0, 0
-
-    def __enter__(self) -> Isolated:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.stop()

@@ -15,7 +15,7 @@ import stat
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Self, get_args
+from typing import Any, NamedTuple, get_args
 
 from data_schemas.contents import shown
 from data_schemas.errors import FileError, UsageError
@@ -30,6 +30,8 @@ _TEXTS = ("key", "status", "configuration_sha256", "versions")
 _MAY = ("error_class", "error", "input_sha256", "output_sha256")
 _CELLS = {name: float | int | None if row.dtype == "f8" else str | None for name, row in rows_of("summary").items()}
 MOST_LINE = 1 << 20  # bytes
+_STRANGE = "is no ledger of a batch; move it away, or choose another -o"
+_UNWRITABLE = "cannot be written, {}; then go on with --resume"
 
 
 class Place(NamedTuple):
@@ -73,11 +75,11 @@ class Index:
                     self._see(line)
                     line = file.readline(MOST_LINE)
         except OSError as error:
-            raise _unreadable(self.path, error) from None
+            raise _fault(self.path, f"{error.strerror}; make it readable") from None
         torn = not begun.endswith(b"\n") and _FIRST.startswith(begun.rstrip(b"\0")[: len(_FIRST)])
         torn = torn or (begun.startswith(b"\0") and begun.endswith(b'"}\n'))  # what a disk that failed left of a line
         if begun and not (self.places or self._told or torn):
-            raise _strange(self.path)
+            raise _fault(self.path, _STRANGE)
 
     def line(self, key: str) -> dict[str, Any]:
         """What the ledger says of a key; `FileError` where it cannot be read any more."""
@@ -86,9 +88,9 @@ class Index:
                 file.seek(self.places[key].offset)
                 content = content_of(file.readline())
         except OSError as error:
-            raise _unreadable(self.path, error) from None
+            raise _fault(self.path, f"{error.strerror}; make it readable") from None
         if content is None or not _is_outcome(content):
-            raise FileError(f"{shown(self.path, 400)}: the line of {shown(key)} was damaged meanwhile; use --resume")
+            raise _fault(self.path, f"the line of {shown(key)} was damaged meanwhile; use --resume")
         return content
 
     def _see(self, line: bytes) -> None:
@@ -100,25 +102,17 @@ class Index:
         if line.endswith(b"\n"):  # the last may be torn
             self._size += len(line)
         elif len(line) == MOST_LINE:
-            raise _strange(self.path)
+            raise _fault(self.path, _STRANGE)
 
 
 def _own(path: Path) -> None:
     """Refuse what is no ordinary file, or a link to one."""
     if not stat.S_ISREG(os.lstat(path).st_mode):
-        raise _strange(path)
+        raise _fault(path, _STRANGE)
 
 
-def _strange(path: Path) -> FileError:
-    return FileError(f"{shown(path, 400)}: is no ledger of a batch; move it away, or choose another -o")
-
-
-def _unreadable(path: Path, error: OSError) -> FileError:
-    return FileError(f"{shown(path, 400)}: {error.strerror}; make it readable")
-
-
-def _unwritable(path: Path, error: OSError) -> FileError:
-    return FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}; then go on with --resume")
+def _fault(path: Path, words: str) -> FileError:
+    return FileError(f"{shown(path, 400)}: {words}")
 
 
 def _is_outcome(content: dict[str, Any]) -> bool:
@@ -166,7 +160,7 @@ def outcome_content(one: Outcome, configuration: str, versions: str) -> dict[str
     return told | made | {"seconds": one.seconds, "rows": list(one.rows)}
 
 
-class Ledger(Index):
+class Ledger(Index, contextlib.AbstractContextManager["Ledger"]):
     """The ledger of one folder, held by this process alone; a context manager.
 
     `UsageError` where another process writes to it, `FileError` where it cannot be read or written.
@@ -195,11 +189,8 @@ class Ledger(Index):
                 self._write([] if known else [line_of({"versions": self.versions, "of": json.loads(versions)})])
                 sync_folder(folder)  # as the lines above: whoever wrote may have been killed before it did this
             except OSError as error:
-                raise _unwritable(path, error) from None
+                raise _fault(path, _UNWRITABLE.format(reason(error))) from None
             fault.pop_all()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         os.close(self._file)
@@ -218,7 +209,7 @@ class Ledger(Index):
         try:
             self._write(lines)
         except OSError as error:
-            raise _unwritable(self.path, error) from error
+            raise _fault(self.path, _UNWRITABLE.format(reason(error))) from error
         self.places |= places
 
     def _write(self, lines: list[bytes]) -> None:
@@ -248,7 +239,7 @@ def _hold(descriptor: int, path: Path) -> None:
         raise UsageError(f"{shown(path, 400)}: another batch writes to it; wait for it, or choose another -o") from None
 
 
-class Log:
+class Log(contextlib.AbstractContextManager["Log"]):
     """The log for machines, one JSON object an event; a context manager. It only tells: nothing waits for the disk.
 
     `FileError` where it cannot be written, also from `event`.
@@ -259,10 +250,7 @@ class Log:
         try:
             self._file = os.fdopen(open_to_append(self._path), "a", encoding="utf-8")
         except OSError as error:
-            raise FileError(f"{shown(self._path, 400)}: cannot be written, {reason(error)}") from None
-
-    def __enter__(self) -> Self:
-        return self
+            raise _fault(self._path, f"cannot be written, {reason(error)}") from None
 
     def __exit__(self, *_: object) -> None:
         with contextlib.suppress(OSError):  # what could not be written, `event` told of
@@ -275,4 +263,4 @@ class Log:
             self._file.write(json.dumps({"time": now, "event": name, **fields}) + "\n")
             self._file.flush()
         except OSError as error:
-            raise FileError(f"{shown(self._path, 400)}: cannot be written, {reason(error)}") from None
+            raise _fault(self._path, f"cannot be written, {reason(error)}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import sys
 from array import array
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -33,21 +34,27 @@ def write_summary(jobs: Sequence[tuple[Path, Config]], ledger: Index, folder: Pa
     Nothing enters that differs from run to run: no time, no host. Inputs that the ledger does not know are left out.
     Tables that are there are replaced. `FileError` where one cannot be written, or the ledger not read.
     """
-    swept = list(dict.fromkeys(key for _, config in jobs for key, _ in config.variant))
-    columns = Columns(swept)
+    swept = dict.fromkeys(f"sweep {key}" for _, config in jobs for key, _ in config.variant)
+    columns: dict[str, Any] = {name: [] for name in (*TEXTS, *CODED)}
+    columns |= {name: array("d") for name in NUMBERS} | {name: [] for name in swept}
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(columns.names)
+    table.writerow(columns)
     for path, config in jobs:
         if config.key in ledger.places:
             for row in _rows(path, config, ledger):
-                columns.add(row)
                 # numbers so that they read back as the same double
-                cells = (row.get(name) for name in columns.names)
+                cells = (row.get(name) for name in columns)
                 table.writerow([defused(storable(cell)) if isinstance(cell, str) else cell for cell in cells])
+                for name, values in columns.items():
+                    value = row.get(name)
+                    if name in NUMBERS:
+                        values.append(np.nan if value is None else value)
+                    elif name not in TEXTS or len(values) <= MOST_NAMED:
+                        values.append(sys.intern(value) if name in CODED and value is not None else value)
     paths = [folder / name for name in NAMES]
     write_text(text.getvalue(), paths[0], overwrite=True, owner=owner_of(folder))
-    write(columns.tree(), paths[1], overwrite=True, owner=owner_of(folder))
+    write(tree_of(columns), paths[1], overwrite=True, owner=owner_of(folder))
     return paths
 
 
@@ -64,60 +71,28 @@ def _rows(path: Path, config: Config, ledger: Index) -> list[dict[str, Any]]:
     return [shared | {"output": config.key} | row for row in line["rows"]]
 
 
-class Columns:
-    """A table that grows by rows; keys of scenes that a sweep set have columns called ``sweep KEY``.
+def tree_of(columns: Mapping[str, Any]) -> DataTree:
+    """The table as it is written; keys of scenes that a sweep set have columns called ``sweep KEY``."""
+    from xarray import Dataset, DataTree
 
-    Attributes
-    ----------
-    names : list of str
-        Of all columns, in order.
-    """
-
-    def __init__(self, swept: Sequence[str]) -> None:
-        self._swept: dict[str, list[Any]] = {f"sweep {key}": [] for key in swept}
-        self._texts: dict[str, list[str]] = {name: [] for name in TEXTS}
-        self._codes = {name: array("B") for name in CODED}
-        self._words: dict[str, dict[str, int]] = {name: {} for name in CODED}
-        self._numbers = {name: array("d") for name in NUMBERS}
-        self.names = [*TEXTS, *CODED, *NUMBERS, *self._swept]
-
-    def add(self, row: Mapping[str, Any]) -> None:
-        """Append a row; what it does not have is empty, 0 or NaN."""
-        for name, values in self._swept.items():
-            values.append(row.get(name))
-        for name, texts in self._texts.items():
-            if len(texts) <= MOST_NAMED:
-                texts.append(storable(row.get(name)))
-        for name, codes in self._codes.items():
-            word, known = row.get(name), self._words[name]
-            codes.append(0 if word is None else known.setdefault(word, len(known) + 1))
-        for name, numbers in self._numbers.items():
-            value = row.get(name)
-            numbers.append(np.nan if value is None else value)
-
-    def tree(self) -> DataTree:
-        """The table as it is written."""
-        from xarray import Dataset, DataTree
-
-        variables: dict[str, Any] = {}
-        for name, texts in self._texts.items():
-            if len(texts) <= MOST_NAMED:
-                variables[name] = ("row", np.array(texts, dtype=object), attributes(f"summary/{name}"))
-        for name, codes in self._codes.items():
-            words = ["none", *self._words[name]]
-            meanings = {"flag_values": np.arange(len(words), dtype=np.uint8), "flag_meanings": " ".join(words)}
-            variables[name] = ("row", np.array(codes, dtype=np.uint8), attributes(f"summary/{name}") | meanings)
-        for name, numbers in self._numbers.items():
-            variables[name] = ("row", np.array(numbers), attributes(f"summary/{name}"))
-        for name, values in self._swept.items():
-            attrs = {"units": "1", "long_name": f"{name.partition(' ')[2]} of the scene, in the scene's own unit"}
-            if not any(isinstance(value, str) for value in values):
-                stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-                variables[name.replace(" ", "_")] = ("row", stored, attrs)
-            elif len(values) <= MOST_NAMED:
-                variables[name.replace(" ", "_")] = ("row", np.array([*map(storable, values)], dtype=object), attrs)
-        attrs = {"Conventions": "CF-1.11", "schema": "isochrony-summary", "schema_version": "1"}
-        return DataTree(Dataset(variables, attrs=attrs))
+    variables: dict[str, Any] = {}
+    for name, values in columns.items():
+        attrs = attributes(f"summary/{name}") if name in _ROWS else {"units": "1"}
+        if name not in _ROWS:
+            attrs["long_name"] = f"{name.partition(' ')[2]} of the scene, in the scene's own unit"
+        if name in CODED:
+            codes = {word: code for code, word in enumerate(["none", *filter(None, dict.fromkeys(values))])}
+            attrs |= {"flag_values": np.arange(len(codes), dtype=np.uint8), "flag_meanings": " ".join(codes)}
+            stored = np.array([codes[word or "none"] for word in values], dtype=np.uint8)
+        elif name in TEXTS or any(isinstance(value, str) for value in values):
+            if len(values) > MOST_NAMED:
+                continue
+            stored = np.array([*map(storable, values)], dtype=object)
+        else:
+            stored = np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+        variables[name.replace(" ", "_")] = ("row", stored, attrs)
+    attrs = {"Conventions": "CF-1.11", "schema": "isochrony-summary", "schema_version": "1"}
+    return DataTree(Dataset(variables, attrs=attrs))
 
 
 def storable(value: object) -> str:

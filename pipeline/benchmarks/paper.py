@@ -26,8 +26,8 @@ from data_schemas.scene import Scene
 from pipeline.arrays import Complexes, Floats
 from pipeline.benchmarks.scenes import PERIOD, REFERENCE, SWELL, errors, prepared, swell, two_pendulums
 from pipeline.benchmarks.tables import Row, rms
+from pipeline.conditions import MGAL
 from pipeline.correction import integrated, model_speed
-from pipeline.gravity import MGAL
 from pipeline.harmonics.envelope import Envelope, fill
 from pipeline.harmonics.narrowband import regression
 from pipeline.methods.phases import MARK_SECONDS, phases

@@ -24,6 +24,7 @@ from pipeline.batch.summary import NAMES, write_summary
 from pipeline.cli.files import exit_status, folder_for_output, orderly, refuse_clashes
 from pipeline.cli.parser import processors
 from pipeline.cli.process import reduction_options, requested_methods
+from pipeline.cli.simulate import shipped
 from pipeline.cli.summary_rows import failure, in_order
 from pipeline.cli.tables import complain, print_json, progress
 from pipeline.provenance import command_line, versions
@@ -157,7 +158,7 @@ def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
     key of a sweep that its scene does not have.
     """
     methods = requested_methods("batch", options.method)
-    inputs = find_inputs([_shipped(word) for word in options.inputs], KINDS)
+    inputs = find_inputs([str(shipped(word, os.path.exists)) if word else "" for word in options.inputs], KINDS)
     points = _points(options, inputs)
     memory = None if options.trusted else options.memory * _MIB
     shared = {"folder": folder, "method": methods, "memory": memory, "allow_paths": options.allow_paths}
@@ -185,14 +186,6 @@ def _points(options: argparse.Namespace, inputs: list[Input]) -> list[tuple[int,
     for one in scenes:  # a sweep that no member could be made by is told now, as `SceneError`
         member_of(data_schemas.load_scene(one.path, allow_paths=options.allow_paths), 1, variants[0])
     return list(enumerate((variant for variant in variants for _ in range(repeat)), start=1))
-
-
-def _shipped(word: str) -> str:
-    """Path of a shipped scene that is named without one."""
-    path = Path(word)
-    if os.path.exists(path) or path.suffix or path.parent != Path(".") or any(mark in word for mark in "*?["):
-        return word
-    return str(synth.scene_path(word))
 
 
 def tell_plan(jobs: Sequence[Job], folder: Path, options: argparse.Namespace) -> int:

@@ -10,9 +10,8 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import data_schemas
 from data_schemas.errors import IsochronyError, RefusedError, UsageError, naming
-from pipeline.cli.files import exit_status, make_folder, outcome_of, place, refuse_clashes, stem
+from pipeline.cli.files import exit_status, outcome_of, place, refuse_clashes, stem, store
 from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods, whole_number
 from pipeline.cli.tables import complain, print_json, progress
 
@@ -122,8 +121,7 @@ def _one(film: list[Path], output: Path, options: argparse.Namespace) -> dict[st
     reading, known = read_film(film, options, rows)
     reading = reading if span is None else reading.between(*span)
     record = make_record(reading, known, stem(film[0]))
-    make_folder(output)
-    data_schemas.write(record, output, overwrite=options.force)
+    store(record, output, force=options.force)
     if options.preview:
         from pipeline.plots.canvas import save
         from pipeline.plots.film import film_figure
@@ -172,8 +170,7 @@ def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Names
         session.close()
     if session.record is None:
         raise RefusedError(naming(films[0][0], str(session.refusal)))
-    make_folder(outputs[0])
-    data_schemas.write(session.record, outputs[0], overwrite=options.force)
+    store(session.record, outputs[0], force=options.force)
     print(outputs[0])
     return 0
 

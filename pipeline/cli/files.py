@@ -164,3 +164,9 @@ def orderly() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def store(tree: DataTree, output: Path, *, force: bool) -> None:
+    """Write a tree into a folder that is made for it if need be."""
+    make_folder(output)
+    data_schemas.write(tree, output, overwrite=force)

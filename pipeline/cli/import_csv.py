@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import data_schemas
 from data_schemas.errors import UsageError
-from pipeline.cli.files import make_folder, place, refuse_clashes
+from pipeline.cli.files import place, refuse_clashes, store
 from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods
 
 HELP = "turn columns of time and angle into a record"
@@ -80,8 +79,7 @@ def run(options: argparse.Namespace) -> int:
         instrument=constants,
     )
     record = import_csv(path, meaning)
-    make_folder(output)
-    data_schemas.write(record, output, overwrite=options.force)
+    store(record, output, force=options.force)
     traces = ", ".join(str(label) for label in record["record"].dataset["trace"].values)
     time = record.dataset["time"].values
     print(f"{output}: {time.size} samples of {traces} over {time[-1]:.6g} s")

@@ -9,9 +9,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import data_schemas
 from data_schemas.errors import IsochronyError, UsageError
-from pipeline.cli.files import exit_status, make_folder, outcome_of, place, read_checked, refuse_clashes
+from pipeline.cli.files import exit_status, outcome_of, place, read_checked, refuse_clashes, store
 from pipeline.cli.parser import did_you_mean, number, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING
@@ -127,8 +126,7 @@ def _one(
         result = process(record, method=requested, full=options.full, **reduction_options(options))
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
-        make_folder(output)
-        data_schemas.write(result, output, overwrite=options.force)
+        store(result, output, force=options.force)
         rows = [{**row, "output": str(output)} for row in rows]
     return rows
 

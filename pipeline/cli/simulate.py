@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import math
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -145,12 +148,15 @@ def _range(word: str) -> tuple[str, tuple[float, float]]:
 
 def find_scene(name: str, out: str | None, ending: str) -> tuple[Path, str | None]:
     """Path of the scene, and `-o`: outputs of a shipped scene go to the present folder, not the package."""
-    path = Path(name)
-    if path.is_file() or path.suffix or path.parent != Path("."):
-        return path, out
+    path = shipped(name)
+    return path, f"./{name}.{ending}" if out is None and path != Path(name) else out
 
-    shipped = Path(synth.scene_path(name))
-    return shipped, out if out is not None else f"./{name}.{ending}"
+
+def shipped(name: str, is_there: Callable[[str], bool] = os.path.isfile) -> Path:
+    """Path of a scene; one that ships with the package may be named without one, where nothing else has its name."""
+    path = Path(name)
+    is_path = is_there(name) or path.suffix or path.parent != Path(".") or glob.has_magic(name)
+    return path if is_path else Path(synth.scene_path(name))
 
 
 def print_explanation(scene: Scene, *, as_json: bool) -> None:
@@ -161,9 +167,9 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
     if as_json:
         print_json({"record_id": scene.record_id, "title": scene.title, **told})
         return
-    wanted = "none: as exact as the propagator can" if told["tolerance"] is None else power(told["tolerance"])
+    wanted = "none: as exact as the propagator can" if told["tolerance"] is None else f"{told['tolerance']:.2g}"
     refused = {"if it refuses": ", then ".join(told["instead"])} if told["instead"] else {}
-    error = {"tolerance": wanted, "expected error": f"{power(told['expected_error'])} of the largest angle"}
+    error = {"tolerance": wanted, "expected error": f"{told['expected_error']:.2g} of the largest angle"}
     blocks = {
         "scene": {"pendulums": told["pendulums"], "readings": told["readings"]},
         "terms": told["terms"] | {"left out": ", ".join(told["left_out"]) or "nothing"},
@@ -174,16 +180,6 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
         print(f"\n{heading}")
         for name, words in entries.items():
             print(f"  {name:<19}{words}")
-
-
-def power(value: float) -> str:
-    """Show an error by its size.
-
-    >>> power(1e-13), power(2.5e-7)
-    ('1e-13', '2.5e-07')
-    """
-    exponent = math.floor(math.log10(value) + 1e-9)
-    return f"1e{exponent:d}" if math.isclose(value, 10.0**exponent) else f"{value:.2g}"
 
 
 def _add_expose_options(parser: argparse.ArgumentParser) -> None:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.estimate import Estimate
-from pipeline.gravity import MGAL, gravity
+from pipeline.conditions import MGAL
 from pipeline.joint import apparatus, budget
 from pipeline.joint.course import mean_gravity, weights
 from pipeline.joint.explanation import Fitted, angles
@@ -19,8 +18,8 @@ from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Ship
 from pipeline.ledger import earth
 from pipeline.observation import Observation, choose_pair, instrument
-from pipeline.prepared import Prepared
-from pipeline.reduction import Reduction, flags
+from pipeline.prepared import Estimate, Prepared
+from pipeline.reduction import Reduction, flags, gravity
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -17,12 +17,10 @@ import numpy as np
 
 from pipeline.arrays import Complexes, Floats
 from pipeline.conditions import Constants
-from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import SlowMotion, fill
 from pipeline.harmonics.narrowband import running_integral
-from pipeline.prepared import Prepared
+from pipeline.prepared import Estimate, Prepared
 
-DAY = 86400.0  # s
 ASSUMED = 0.01  # of a correction whose inputs state no uncertainty, 1 sigma
 
 

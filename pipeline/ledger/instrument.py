@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pipeline.conditions import AIR, BASE, MGAL, TEMPERATURE, by_temperature
-from pipeline.ledger.entry import DAY, Case, Change, Correction, absent, correction
+from pipeline.conditions import AIR, BASE, DAY, MGAL, TEMPERATURE, by_temperature
+from pipeline.ledger.entry import Case, Change, Correction, absent, correction
 
 PER_RADIAN, OF = 21.0, 0.07  # mGal, at a root mean square of y'', m s-2
 RATE, TIMES = "chronometer_rate", "time_uncertainty"

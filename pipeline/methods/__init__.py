@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 from data_schemas.errors import UsageError
 
 if TYPE_CHECKING:
-    from pipeline.estimate import Estimate
-    from pipeline.prepared import Prepared
+    from pipeline.prepared import Estimate, Prepared
 
     Function = Callable[[Prepared], Estimate]
 

@@ -11,17 +11,15 @@ curvature, at zero and at the pendulum's frequency, and at that of swell, where 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
-from pipeline.estimate import COLOUR_SECONDS, Estimate
 from pipeline.harmonics.envelope import Envelope, fill, kaiser, reach_of, windowed
-from pipeline.methods.identity import Fit, Identity, linear
+from pipeline.methods.identity import Fit, Identity
 from pipeline.observation import Observation
-from pipeline.prepared import LEAST_EXPLAINED, Prepared
+from pipeline.prepared import COLOUR_SECONDS, LEAST_EXPLAINED, Estimate, Prepared
 
 FINE_ANGLE = 0.8  # swing between readings, at most: eight readings a swing
 NOISY = 3e-4  # reading noise of the first pendulum over its swing, from which its third harmonic is better computed
@@ -46,9 +44,8 @@ def require_clean(prepared: Prepared) -> None:
 
 def linear_fit(prepared: Prepared) -> Fit:
     """The linear identity fitted to a record, the damping held where it is stated."""
-    rough = prepared.fine
-    identity = Identity(prepared.observation, rough.frequency, linear(rough.frequency))
-    return identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
+    identity = Identity(prepared.observation, prepared.fine.frequency, slice(None))
+    return identity.fit(prepared.fine.damping_rate, fit_damping=prepared.known_damping is None)
 
 
 def projection(prepared: Prepared) -> Estimate:
@@ -127,8 +124,7 @@ def nonlinear_fit(prepared: Prepared) -> tuple[Motion, Fit]:
     # the third harmonic is read where the samples give it better than the swing's amplitude does
     read = noise < NOISY * float(np.nanmedian(np.abs(envelope.first)))
     moved = motion(seen, rough.frequency, rough.damping_rate, noise, None if read else envelope)
-    identity = Identity(seen, rough.frequency, moved.expand, moved.inside)
-    return moved, identity.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
+    return moved, moved.fit(rough.damping_rate, fit_damping=prepared.known_damping is None)
 
 
 def numerical_error(fit: Fit, step: float) -> float:
@@ -137,17 +133,10 @@ def numerical_error(fit: Fit, step: float) -> float:
     return strength * (RIPPLE + COARSE * (fit.frequency * step) ** ORDER)
 
 
-class Filters(NamedTuple):
-    """Taps over `2 reach + 1` samples."""
+def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> tuple[Floats, Floats]:
+    """Filters for a swing of `frequency`, rad s-1, that is sampled six times at least, and gamma1, s-1.
 
-    low: Floats  # low-pass, gain 1
-    curvature: Floats  # theta'' + 2 gamma theta', s-2
-    reach: int  # samples lost at each end
-
-
-def design(frequency: float, step: float, damping_rate: float, notch: bool = False) -> Filters:
-    """Design both filters for a swing of `frequency`, rad s-1, that is sampled six times at least, and gamma1, s-1.
-
+    Taps of the low-pass, gain 1, and of `theta'' + 2 gamma theta'`, s-2, each over `2 reach + 1` samples.
     With a notch the curvature's gain is zero at three times the swing, where noise is largest.
     """
     edge = PASS * frequency
@@ -166,7 +155,7 @@ def design(frequency: float, step: float, damping_rate: float, notch: bool = Fal
     if notch:
         conditions, bent = np.vstack([conditions, third]), [*bent, 0.0]
     bend = _exact(bend, conditions, np.array(bent))
-    return Filters(low, bend - 2.0 * damping_rate * slope, reach)  # slope is odd, and the taps are correlated
+    return low, bend - 2.0 * damping_rate * slope  # slope is odd, and the taps are correlated
 
 
 def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
@@ -176,16 +165,13 @@ def _exact(taps: Floats, conditions: Floats, wanted: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """First pendulum and heave, of the samples less the ends that the filters lose."""
+class Motion(Identity):
+    """The same of real pendulums: first pendulum and heave, of the samples less the ends that the filters lose."""
 
-    observation: Observation
-    inside: slice  # these samples, in the record
-    filters: Filters
+    filters: tuple[Floats, Floats]
     low: Floats  # (m,) theta1 free of the noise above three times the swing, rad
     bend: Floats  # (m,) `n2^2 w = (theta1'' + 2 gamma1 theta1') / ratio^2`, s-2
     shift: float  # what the noise of theta1 that the filters pass adds to the factor of sin d on average, s-2
-    held: float  # h, rad s-1
 
     def stiffness(self, frequency: float) -> Floats | float:
         """`n2^2 (1 + zeta)`, s-2; heave's part does not depend on n2."""
@@ -213,7 +199,7 @@ class Motion:
         tangent, sine = np.tan(self.low), np.sin(fit.model)
         plain = -(self.stiffness(fit.frequency) * np.sin(self.low) + self.bend) / np.cos(self.low) ** 2 * sine
         bent = (2.0 * np.sin(0.5 * fit.model) ** 2 - tangent * sine) / self.observation.frequency_ratio**2
-        out += np.convolve(source * plain, self.filters.low) + np.convolve(source * bent, self.filters.curvature)
+        out += sum(map(np.convolve, (source * plain, source * bent), self.filters))
         return -out
 
 
@@ -226,20 +212,21 @@ def motion(
     is computed from it and not read: noise there comes back to the swing nine times as strong.
     """
     own, ratio = frequency * observation.frequency_ratio, observation.frequency_ratio
-    filters = design(own, observation.step, damping_rate + observation.damping_difference, envelope is not None)
-    inside = slice(filters.reach, observation.theta.size - filters.reach)
-    curved = np.correlate(observation.theta, filters.curvature, "valid")
+    damping_rate += observation.damping_difference
+    low, curvature = filters = design(own, observation.step, damping_rate, envelope is not None)
+    inside = slice(low.size // 2, observation.theta.size - low.size // 2)
+    curved = np.correlate(observation.theta, curvature, "valid")
     if envelope is not None:
         curved -= (3.0 * own) ** 2 * third_harmonic(envelope, observation.time[inside])
-    passed = 0.5 * frequency**2 * filters.low @ filters.low + filters.low @ filters.curvature * ratio**-2
+    passed = 0.5 * frequency**2 * low @ low + low @ curvature * ratio**-2
     return Motion(
         observation=observation,
+        held=frequency,
         inside=inside,
         filters=filters,
-        low=np.correlate(observation.theta, filters.low, "valid"),
+        low=np.correlate(observation.theta, low, "valid"),
         bend=curved * ratio**-2,
         shift=noise**2 * float(passed),  # mean of 1/cos theta1 and of theta1 w
-        held=frequency,
     )
 
 

@@ -16,8 +16,7 @@ diverges.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -35,9 +34,6 @@ ITERATIONS = 12
 SETTLED = 1e-5  # rad at the record's end: what is left after such a step is a thousandth of it at most
 OUTLIER = 7.0  # sigmas
 FLOOR = 1e-4  # of the amplitude: what departs less may be the quadrature at the ends
-
-Expansion = Callable[[Floats, float], tuple[Floats, Floats | float, Floats]]
-"""(d, n2) -> N(d), s-2 rad, and its derivatives by d (a number where it is the same at all samples) and by n2."""
 
 
 def basis(z: Floats, angle: float, count: int = NODES) -> Floats:
@@ -118,12 +114,16 @@ class Fit:
 
 @dataclass(frozen=True)
 class Identity:
-    """A record as an identity sees it; all samples are there."""
+    """A record as the identity of linear pendulums sees it; all samples are there."""
 
     observation: Observation
     held: float  # h, rad s-1: near n2, or in wide arcs near the frequency that the difference shows
-    expand: Expansion
-    inside: slice = field(default_factory=lambda: slice(None))  # samples that are fitted
+    inside: slice  # samples that are fitted
+
+    def expand(self, angle: Floats, frequency: float) -> tuple[Floats, Floats | float, Floats]:
+        """N(d), s-2 rad, and its derivatives by d (a number where it is the same at all samples) and by n2."""
+        softer = self.held**2 - frequency**2
+        return softer * angle, softer, -2.0 * frequency * angle
 
     def source(self, by: Weights, series: Floats) -> Floats:
         """What a right-hand side adds at each sample but the first two, (n - 2,)."""
@@ -225,13 +225,3 @@ def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")
     inverse = scaled_inverse(gram)
     return inverse @ (columns @ values), inverse
-
-
-def linear(held: float) -> Expansion:
-    """N of linear pendulums."""
-
-    def expand(angle: Floats, frequency: float) -> tuple[Floats, float, Floats]:
-        softer = held**2 - frequency**2
-        return softer * angle, softer, -2.0 * frequency * angle
-
-    return expand

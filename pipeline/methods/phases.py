@@ -18,11 +18,10 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.correction import ACCELERATION, ARC, NON_ISOCHRONISM, by_periods, integrated, of_real_pendulums
-from pipeline.estimate import Estimate
 from pipeline.harmonics.envelope import Envelope
 from pipeline.harmonics.narrowband import regression
 from pipeline.phase_speed import phase_speed
-from pipeline.prepared import LEAST_EXPLAINED, MOST_ANGLE, Prepared, require_swing
+from pipeline.prepared import LEAST_EXPLAINED, MOST_ANGLE, Estimate, Prepared, require_swing
 
 LEAST_AMPLITUDE = 0.1  # min a / max a below which the phase form of (27) errs by up to 1000 mGal
 WHOLE = 0.97  # coverage from which a window's noise is that of a complete one

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -40,10 +41,9 @@ def arc_factor(amplitude: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Cycles:
-    """Rising and falling crossings of the rest position and the turning points between them."""
+    """Crossings of the rest position and the turning points between them."""
 
-    rising: Floats  # (k,) times of the crossings, s
-    falling: Floats
+    crossings: tuple[Floats, Floats]  # times, s, of the rising ones and the falling ones
     turning_time: Floats  # (m,) s, of maxima and minima in turn
     turning: Floats  # (m,) elongation there, rad
     rest: float  # rest position, rad
@@ -75,7 +75,7 @@ def find_cycles(time: Floats, theta: Floats) -> Cycles:
         rest = float(np.median(0.25 * (turning[:-2] + 2.0 * turning[1:-1] + turning[2:])))
     rising, falling = (_crossings(time, theta - rest, near, period) for near in _changes(theta - rest))
     turning_time, turning = _turning_points(time, theta, np.sort(np.concatenate([rising, falling])), period)
-    return Cycles(rising, falling, turning_time, turning - rest, rest, period)
+    return Cycles((rising, falling), turning_time, turning - rest, rest, period)
 
 
 def _changes(values: Floats) -> tuple[np.ndarray, np.ndarray]:
@@ -129,25 +129,10 @@ def _turning_points(time: Floats, theta: Floats, crossings: Floats, period: floa
     return np.asarray(times), np.asarray(values)
 
 
-@dataclass(frozen=True)
-class Decay:
-    """Friction of one pendulum."""
-
-    damping_rate: float  # gamma, s-1
-    quadratic: float  # c of theta'' = -c |theta'| theta'
-    dry: float  # delta, rad: by so much the middle of a half swing lies behind the rest
-
-    @property
-    def words(self) -> str:
-        """The laws that pay, or that nothing brakes."""
-        found = [law for law, size in zip(LAWS, (self.damping_rate, self.quadratic, self.dry), strict=True) if size]
-        return ", ".join(found) or "none"
-
-
-def decay(time: Floats, amplitude: Floats, smooth: Floats, period: float) -> Decay:
+def decay(time: Floats, amplitude: Floats, smooth: Floats, period: float) -> dict[str, Any]:
     """Laws of friction by the likelihood of the turning points' amplitudes (m,), rad, at times (m,), s.
 
-    Losses follow from the smoothed amplitudes (m,).
+    Losses follow from the smoothed amplitudes (m,). Returns gamma, c, delta and the laws that pay, as /period has them.
     """
     from scipy.optimize import nnls
 
@@ -168,7 +153,9 @@ def decay(time: Floats, amplitude: Floats, smooth: Floats, period: float) -> Dec
                 best, found = price, np.zeros(3)
                 found[list(some)] = solution[1:] / size[1:]
     viscous, quadratic, dry = found.tolist()
-    return Decay(2.0 * np.pi / period * viscous, quadratic, dry)
+    laws = ", ".join(law for law, size in zip(LAWS, found, strict=True) if size) or "none"
+    damping_rate = 2.0 * np.pi / period * viscous
+    return {"damping_rate": damping_rate, "quadratic_damping": quadratic, "knife_edge": dry, "friction": laws}
 
 
 def _losses(amplitude: Floats) -> Floats:

@@ -10,12 +10,12 @@ sigma is that of leaving out long stretches in turn.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.period.cycles import Cycles, Decay, arc_factor, decay
+from pipeline.period.cycles import Cycles, arc_factor, decay
 
 Factor = Callable[[Floats], Floats]
 
@@ -29,59 +29,46 @@ SMOOTHING = 9  # cycles
 ROUNDS = 8
 
 
-@dataclass(frozen=True)
-class PeriodFit:
-    """Period of a single pendulum."""
-
-    period: float  # full, at infinitesimal arc, s
-    sigma: float  # its 1 sigma, s
-    amplitude_scale: float  # relative departure of the true amplitude from the recorded one, by the period's trend
-    amplitude_scale_sigma: float
-    scaled: bool  # whether that scale is significant
-    time: Floats  # (k,) middle of each cycle, s
-    amplitude: Floats  # (k,) rad
-    cycle_period: Floats  # (k,) full period, s
-    smoothed: Floats  # (k,) the same smoothed: running mean of the reduced period times the arc factor
-    reduced: Floats  # (k,) period over elliptic factor, s
-    rest: float  # rest position, rad
-    trend: float  # spread of the reduced period's running mean over the record, relative
-    drift: float  # change of the rest position over the record, rad
-    drift_sigma: float
-    friction: Decay
-
-
-def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float = SCALE) -> PeriodFit:
+def fit_period(cycles: Cycles, *, linear: bool = False, scale_uncertainty: float = SCALE) -> dict[str, Any]:
     """Fit the finite-arc law to the crossings; none where the restoring force is `linear`.
 
-    `scale_uncertainty` is relative, 1 sigma, of the scale of the angles.
+    `scale_uncertainty` is relative, 1 sigma, of the scale of the angles. Returns the variables of /period, and whether
+    the period's trend asks for another scale of the angles, `scaled`.
     """
     extremes, noise = smooth_extremes(cycles)
 
     def factor(values: Floats) -> Floats:
         return np.ones_like(values) if linear else arc_factor(np.clip(values, 0.0, 3.14))
 
-    sides = (cycles.rising, cycles.falling)
-    amplitude = [np.interp(times, cycles.turning_time, extremes) for times in sides]
-    middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in sides])
+    amplitude = [np.interp(times, cycles.turning_time, extremes) for times in cycles.crossings]
+    middle = np.concatenate([0.5 * (times[1:] + times[:-1]) for times in cycles.crossings])
     order = np.argsort(middle)
-    length = np.concatenate([np.diff(times) for times in sides])[order]
-    size = np.concatenate([0.5 * (a[1:] + a[:-1]) for a in amplitude])[order]
+    length = np.concatenate([np.diff(times) for times in cycles.crossings])[order]
     mean_factor = np.concatenate([_mean_factor(a, 0.0, factor) for a in amplitude])[order]
-    reduced = length / mean_factor
     whole = np.abs(length / cycles.rough_period - 1.0) < 0.5  # a missing crossing makes a double cycle
     friction = decay(cycles.turning_time, np.abs(cycles.turning), extremes, cycles.rough_period)
-    period, scale, drift, sigma = _regress(cycles, extremes, noise, factor, friction.dry, max(scale_uncertainty, 1e-9))
+    dry, prior = friction["knife_edge"], max(scale_uncertainty, 1e-9)
+    period, scale, drift, sigma = _regress(cycles, extremes, noise, factor, dry, prior)
     window = np.ones(min(SMOOTHING, length.size))
+    reduced = length / mean_factor
     present, count = (np.convolve(each, window, mode="same") for each in (np.where(whole, reduced, 0.0), 1.0 * whole))
-    smooth_reduced = present / np.maximum(count, 1.0)
-    return PeriodFit(
-        period=period, sigma=sigma[PERIOD], amplitude_scale=scale, amplitude_scale_sigma=sigma[SCALED],
-        scaled=not linear and abs(scale) > max(SIGNIFICANT * sigma[SCALED], LEAST_SCALE),
-        time=middle[order], amplitude=size, cycle_period=np.where(whole, length, np.nan),
-        smoothed=smooth_reduced * mean_factor, reduced=np.where(whole, reduced, np.nan), rest=cycles.rest,
-        trend=float((np.nanmax(smooth_reduced) - np.nanmin(smooth_reduced)) / period),
-        drift=drift, drift_sigma=sigma[DRIFT], friction=friction,
-    )  # fmt: skip
+    smoothed = present / np.maximum(count, 1.0)
+    return friction | {
+        "period": period,
+        "period_sigma": sigma[PERIOD],
+        "amplitude_scale": scale,
+        "amplitude_scale_sigma": sigma[SCALED],
+        "scaled": not linear and abs(scale) > max(SIGNIFICANT * sigma[SCALED], LEAST_SCALE),
+        "rest_position": cycles.rest,
+        "rest_drift": drift,
+        "rest_drift_sigma": sigma[DRIFT],
+        "trend": float((np.nanmax(smoothed) - np.nanmin(smoothed)) / period),
+        "cycle_time": middle[order],
+        "amplitude": np.concatenate([0.5 * (a[1:] + a[:-1]) for a in amplitude])[order],
+        "cycle_period": np.where(whole, length, np.nan),
+        "cycle_period_smoothed": smoothed * mean_factor,
+        "cycle_period_infinitesimal": np.where(whole, reduced, np.nan),
+    }
 
 
 PERIOD, SCALED, DRIFT = 2, 3, 5  # columns of the regression, behind those of the two sides' first crossings
@@ -103,7 +90,7 @@ def _regress(
     prior = np.array([scale_prior, REST, REST])
     for _ in range(ROUNDS):
         columns, values, weights = [], [], []
-        for side, times in enumerate((cycles.rising, cycles.falling)):
+        for side, times in enumerate(cycles.crossings):
             sizes = np.interp(times, cycles.turning_time, extremes)
             speed = 4.0 * np.pi / period * np.sin(0.5 * np.clip(sizes, 1e-6, np.pi))
             mean = _mean_factor(sizes, scale, factor)

@@ -10,7 +10,7 @@ import numpy as np
 
 from data_schemas.contents import Contents
 from data_schemas.variables import dataset
-from pipeline.gravity import DAY, MGAL
+from pipeline.conditions import DAY, MGAL
 from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
@@ -58,33 +58,20 @@ def period_result(
     fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
     true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
     rates = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY, *clock_of(record).values()
-    sigma = float(np.linalg.norm([fit.sigma, *(fit.period * rate for rate in rates)])) * true
+    sigma = float(np.linalg.norm([fit["period_sigma"], *(fit["period"] * rate for rate in rates)])) * true
     found = {
-        "amplitude-scale": fit.scaled,
+        "amplitude-scale": fit.pop("scaled"),
         "correction-without-uncertainty": "length" in stated and "length_uncertainty" not in stated,
-        "period-trend": fit.trend > TREND,
+        "period-trend": fit["trend"] > TREND,
     }
-    flags = ["single-trace", *raised, *(name for name, raises in found.items() if raises)]
-    values: dict[str, Any] = {
-        "period": fit.period * true,
+    values = fit | {
+        "period": fit["period"] * true,
         "period_sigma": sigma,
-        "rest_position": fit.rest,
-        **{name: getattr(fit, name) for name in ("amplitude_scale", "amplitude_scale_sigma", "trend")},
-        "rest_drift": fit.drift,
-        "rest_drift_sigma": fit.drift_sigma,
-        "damping_rate": fit.friction.damping_rate,
-        "quadratic_damping": fit.friction.quadratic,
-        "knife_edge": fit.friction.dry,
-        "friction": fit.friction.words,
-        **_gravity(fit.period * true, sigma, stated),
+        "cycle_time": fit["cycle_time"] + time[0],
+        **_gravity(fit["period"] * true, sigma, stated),
         **_steps(time, elongation),
         "elapsed": clock.perf_counter() - started,
-        "flag": flags,
-        "cycle_time": fit.time + time[0],
-        "amplitude": fit.amplitude,
-        "cycle_period": fit.cycle_period,
-        "cycle_period_smoothed": fit.smoothed,
-        "cycle_period_infinitesimal": fit.reduced,
+        "flag": ["single-trace", *raised, *(name for name, raises in found.items() if raises)],
     }
     root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
     tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})

@@ -301,7 +301,7 @@ def synchrony_figure(result: DataTree) -> Figure:
             steady.loglog(taus, table["allan_deviation"].values[k], "o-", markersize=3, color=canvas.color_of(k))
     legend(sizes)
     if "allan_deviation" not in table:
-        note(steady, table.attrs.get("allan_deviation_absent") or "too short")
+        note(steady, "too short")
     return figure
 
 

@@ -21,11 +21,11 @@ from data_schemas.checking import checked
 from data_schemas.errors import RecordError, RefusedError
 from data_schemas.variables import dataset
 from pipeline.arrays import Floats, row_means_present, unwrapped
-from pipeline.gravity import DAY
+from pipeline.conditions import DAY
 from pipeline.observation import combine, weights_of
 from pipeline.reduction import of_film
 from pipeline.result import result_attributes
-from pipeline.synchronism.verdict import REMEDY, allan_deviation, available, block_slope, judge
+from pipeline.synchronism.verdict import allan_deviation, block_slope, judge, slip_times
 
 _LEAST_INSTANTS, _RATE_BLOCKS = 16, 16
 _A_DAY = DAY / (2.0 * math.pi)  # swings a day in a rad s-1
@@ -53,8 +53,8 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     -------
     DataTree
         Layout "isochrony-result" with the group `synchrony`: phases, unwrapped differences, rates in swings a day,
-        slips, verdict and confidence, lock time, amplitudes, Allan deviation (if allantools is installed), and the
-        motion of the support where its acceleration was recorded. Times count as in the record.
+        slips, verdict and confidence, lock time, amplitudes, Allan deviation, and the motion of the support where its
+        acceleration was recorded. Times count as in the record.
 
     Raises
     ------
@@ -69,22 +69,24 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     labels, elongation = pendulums_of(record)
     recorded = np.asarray(record.dataset["time"].values, dtype=np.float64)
     time = recorded - recorded[0]
-    _refuse_rare(record, float(np.median(np.diff(time))))
+    spacing = float(np.median(np.diff(time)))
+    shortest = float(np.min(record["instrument"].dataset["period"].values)) if "instrument" in record.children else 0.0
+    if spacing > 0.5 * shortest > 0.0:  # they show another, slower swing: nothing in them tells
+        said = f"readings {spacing:g} s apart are further than half a swing of {shortest:g} s"
+        raise RefusedError(f"synchrony: {said}; record them more often")
     seen = phases(time, elongation)
     moved, direction = _beam(record, time, seen)
     values = {"clock": labels, "phase": seen.phase, "amplitude": seen.amplitude, "frequency": seen.frequency}
     values |= {**_pairs(labels, seen, float(recorded[0])), **moved}
-    averaging, deviation = allan_deviation(seen.time, seen.phase) if available() else (np.empty(0), None)
+    averaging, deviation = allan_deviation(seen.time, seen.phase)
     values |= {"averaging_time": averaging, "allan_deviation": deviation} if averaging.size else {}
     group = dataset("synchrony", values, {}, {})
-    group.attrs["allan_deviation_absent"] = "" if available() else REMEDY
     group.attrs["beam_direction"] = direction
     group.attrs["film_flags"] = ", ".join(raised)
     instants = ("time", seen.time + recorded[0], dict(record.dataset["time"].attrs))
     tree = DataTree.from_dict({"/": Dataset(coords={"time": instants}), "/synchrony": group})
     tree.attrs.update(result_attributes(contents, {"analysis": "synchrony", "window_s": seen.window}, started))
     tree.attrs["title"] = f"synchrony of record {tree.attrs['record_id']}"
-    tree.attrs["elapsed_s"] = stopwatch.perf_counter() - started
     return tree
 
 
@@ -100,9 +102,9 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
         if known < _LEAST_INSTANTS:
             said = f"{labels[one]} and {labels[two]} were read together in {known} swings"
             raise RefusedError(f"synchrony: {said}; a verdict needs {_LEAST_INSTANTS}")
-        verdict = judge(seen.time, psi, sigma)
+        here = slip_times(seen.time, psi)
         mean, mean_sigma = block_slope(seen.time, psi, _RATE_BLOCKS)  # holds for the steps of slips too
-        slips += [(when + start, name) for when in verdict.slips]
+        slips += [(when + start, name) for when in here]
         rows.append(
             {
                 "pair": name,
@@ -111,17 +113,14 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
                 "rate_difference": np.gradient(psi, seen.time) * _A_DAY,
                 "mean_rate_difference": mean * _A_DAY,
                 "mean_rate_difference_sigma": mean_sigma * _A_DAY,
-                "verdict": verdict.state,
-                "confidence": verdict.confidence,
-                "locked_angle": verdict.angle,
-                "locked_angle_sigma": verdict.angle_sigma,
-                "lock_time": verdict.lock_time + start + float(seen.time[0]),  # counted from the first instant
-                "slips": float(len(verdict.slips)),
+                **judge(seen.time, psi, sigma, here),
+                "slips": float(len(here)),
                 "amplitude_ratio": float(np.nanmedian(seen.amplitude[one] / seen.amplitude[two])),
             }
         )
     values: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     values = {name: each if isinstance(each[0], str) else np.stack(each) for name, each in values.items()}
+    values["lock_time"] += start + seen.time[0]  # counted from the first instant
     if slips:
         values["slip_time"] = np.array([when for when, _ in slips])
         values["slip_pair"] = [name for _, name in slips]
@@ -146,14 +145,6 @@ def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any],
     size, direction = max(found, key=lambda each: each[0])
     swings = row_means_present(seen.amplitude[:, seen.time >= 0.5 * seen.time[-1]])
     return ({"beam_amplitude": size, "beam_ratio": size / swings} if direction else {}), direction
-
-
-def _refuse_rare(record: DataTree, spacing: float) -> None:
-    """Readings further apart than half a swing show another, slower one: nothing in them tells."""
-    shortest = float(np.min(record["instrument"].dataset["period"].values)) if "instrument" in record.children else 0.0
-    if spacing > 0.5 * shortest > 0.0:
-        said = f"readings {spacing:g} s apart are further than half a swing of {shortest:g} s"
-        raise RefusedError(f"synchrony: {said}; record them more often")
 
 
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
@@ -235,35 +226,27 @@ def _followed(
     time: Floats, values: Floats, centres: Floats, window: float, frequency: float
 ) -> tuple[Floats, Floats, Floats]:
     """Unwrapped phase, amplitude and sigma of the phase at the centres."""
-    harmonic = np.full(centres.size, np.nan + 0j, dtype=np.complex128)
-    sigma = np.full(centres.size, np.nan)
+    harmonic, sigma = np.full(centres.size, np.nan, dtype=np.complex128), np.full(centres.size, np.nan)
+    spacing, present = float(np.median(np.diff(time))), np.isfinite(values)
+    time, values = time[present], values[present]
     low, high = np.searchsorted(time, centres - 0.5 * window), np.searchsorted(time, centres + 0.5 * window, "right")
-    spacing = float(np.median(np.diff(time)))
     for k, centre in enumerate(centres):
-        part = slice(low[k], high[k])
-        present = np.isfinite(values[part])
-        tau, seen = time[part][present] - centre, values[part][present]
+        tau, seen = time[low[k] : high[k]] - centre, values[low[k] : high[k]]
         weight = np.cos(np.pi * tau / window) ** 2
         if tau.size <= 2 * _TERMS or weight.sum() < LEAST_COVERAGE * 0.5 * window / spacing:
             continue
-        harmonic[k], sigma[k] = _fit(tau, seen, weight, frequency)
-    size = np.abs(harmonic)
+        cosine, sine = np.cos(frequency * tau), np.sin(frequency * tau)
+        basis = np.stack([cosine, sine, tau * cosine, tau * sine, np.ones_like(tau)])
+        weighted = basis * weight
+        inverse = np.linalg.inv(weighted @ basis.T)
+        parts = inverse @ (weighted @ seen)
+        left = seen - parts @ basis
+        variance = float(weight @ (left * left)) / float(weight.sum()) * seen.size / (seen.size - _TERMS)
+        spread = inverse @ (weighted @ weighted.T) @ inverse
+        harmonic[k] = complex(parts[0], -parts[1])
+        sigma[k] = np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1]))  # of one of its two parts
+    size, carrier = np.abs(harmonic), frequency * centres
     with np.errstate(invalid="ignore", divide="ignore"):
         sigma = sigma / size
-    carrier = frequency * centres
     # across a gap the nearest turn is taken
     return unwrapped((harmonic * np.exp(-1j * carrier))[None])[0] + carrier, size, sigma
-
-
-def _fit(tau: Floats, seen: Floats, weight: Floats, frequency: float) -> tuple[complex, float]:
-    """The harmonic at the centre, and one sigma of one of its two parts."""
-    cosine, sine = np.cos(frequency * tau), np.sin(frequency * tau)
-    basis = np.stack([cosine, sine, tau * cosine, tau * sine, np.ones_like(tau)])
-    weighted = basis * weight
-    normal = weighted @ basis.T
-    inverse = np.linalg.inv(normal)
-    parts = inverse @ (weighted @ seen)
-    left = seen - parts @ basis
-    variance = float(weight @ (left * left)) / float(weight.sum()) * seen.size / (seen.size - _TERMS)
-    spread = inverse @ (weighted @ weighted.T) @ inverse
-    return complex(parts[0], -parts[1]), float(np.sqrt(0.5 * variance * (spread[0, 0] + spread[1, 1])))

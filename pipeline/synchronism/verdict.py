@@ -7,18 +7,14 @@ edge, or long rests between slips), it is intermittent.
 
 from __future__ import annotations
 
-import importlib.util
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
-from data_schemas.errors import UsageError
 from pipeline.arrays import Floats
 
 _LEAST = 8
-REMEDY = "install allantools, as with pip install 'isochrony[clocks]'"
-VERDICTS = ("in phase", "antiphase", "quadrature", "other angle", "drifting", "intermittent")
 ANGLE = math.radians(15.0)  # Locked angles nearer than this to 0, pi and +-pi/2 bear these names
 STEADY = 0.15  # rad: what psi may move in half a record and count as locked; slower drift cannot be told from settling
 RESTING = 0.5  # Length of the mean of e^{i psi} or e^{2i psi} from which slipping clocks count as resting in between
@@ -27,33 +23,23 @@ _BLOCKS = 8
 _TWO_PI = 2.0 * math.pi
 
 
-def available() -> bool:
-    """Whether allantools is installed."""
-    return importlib.util.find_spec("allantools") is not None
-
-
 def allan_deviation(time: Floats, phase: Floats) -> tuple[Floats, Floats]:
-    """Overlapping Allan deviation of clocks; `UsageError` if allantools is not installed.
+    """Overlapping Allan deviation of clocks.
 
     Of phases (clocks, k), rad, unwrapped, at evenly spaced times (k,), s, the longest stretch without a gap in any
     clock is used. Returns averaging times (m,), s, one octave apart, and deviations (clocks, m) of the relative rate.
     """
-    if not available():
-        raise UsageError(f"the Allan deviation needs allantools; {REMEDY}")
-    import allantools
-
     part = _longest(np.asarray(np.isfinite(phase).all(axis=0)))
     stretch, spacing = phase[:, part], float(time[1] - time[0])
-    if stretch.shape[1] < _LEAST:
+    size = stretch.shape[1]
+    if size < _LEAST:
         return np.empty(0), np.empty((len(phase), 0))
-    rows = []
-    for row in stretch:
-        speed = (row[-1] - row[0]) / (spacing * (row.size - 1))  # a clock's own mean rate is no instability
-        ahead = row / speed  # s: the time this clock shows
-        found = allantools.oadev(ahead, rate=1.0 / spacing, data_type="phase", taus="octave")
-        rows.append((found[0], found[1]))
-    shared = min(len(taus) for taus, _ in rows)
-    return np.asarray(rows[0][0][:shared]), np.stack([deviation[:shared] for _, deviation in rows])
+    # a clock's own mean rate is no instability
+    ahead = stretch * (spacing * (size - 1)) / (stretch[:, -1:] - stretch[:, :1])  # s: the time each clock shows
+    octaves = [step for step in (1 << k for k in range(size.bit_length())) if size - 2 * step > 1]
+    seconds = [ahead[:, 2 * step :] - 2.0 * ahead[:, step:-step] + ahead[:, : -2 * step] for step in octaves]
+    averaging = spacing * np.array(octaves, dtype=np.float64)
+    return averaging, np.sqrt([0.5 * np.mean(each**2, axis=1) for each in seconds]).T / averaging
 
 
 def _longest(known: np.ndarray) -> slice:
@@ -79,46 +65,40 @@ def block_slope(time: Floats, values: Floats, blocks: int) -> tuple[float, float
     return slope, float(np.sqrt(rest @ rest / (blocks - 2) / (x @ x)))
 
 
-class Verdict(NamedTuple):
-    """On one pair."""
-
-    state: str  # one of `VERDICTS`
-    confidence: float  # 0 to 1: distance to any other verdict, in the record's own scatter; 0.5 is a toss-up
-    angle: float  # psi at which they are, or mostly are, locked, in (-pi, pi]; NaN if they drift
-    angle_sigma: float  # rad; NaN if they drift
-    lock_time: float  # s from the first instant, from which psi stays; NaN if it does not
-    slips: tuple[float, ...]  # times, s, at which one had gained another whole swing on the other
-
-
-def judge(time: Floats, psi: Floats, sigma: Floats) -> Verdict:
+def judge(time: Floats, psi: Floats, sigma: Floats, slips: tuple[float, ...]) -> dict[str, Any]:
     """Judge the phase difference of two clocks, (k,) rad unwrapped with its sigma; NaN = missing, 8 known at least.
+
+    Returns variables of /synchrony: the verdict; its confidence, 0 to 1, the distance to any other verdict in the
+    record's own scatter (0.5 is a toss-up); the angle at which they are, or mostly are, locked, in (-pi, pi], with its
+    sigma; the time, s from the first instant, from which psi stays. NaN for what there is not.
 
     Examples
     --------
     >>> t = np.arange(100.0)
-    >>> judge(t, np.pi * (1.0 - np.exp(-t / 10.0)), np.full(100, 1e-3))[:1]
-    ('antiphase',)
-    >>> judge(t, 0.1 * t, np.full(100, 1e-3))[:1]
-    ('drifting',)
+    >>> judge(t, np.pi * (1.0 - np.exp(-t / 10.0)), np.full(100, 1e-3), ())["verdict"]
+    'antiphase'
+    >>> judge(t, 0.1 * t, np.full(100, 1e-3), slip_times(t, 0.1 * t))["verdict"]
+    'drifting'
     """
     present = np.isfinite(psi)
     time, psi, sigma = time[present], psi[present], sigma[present]
-    slips = slip_times(time, psi)
     later = time >= 0.5 * (time[0] + time[-1])
     # how far psi moves from one end to the other; noise may be slow
     span = float(np.ptp(time[later]))
     moved, moved_sigma = (span * each for each in block_slope(time[later], psi[later], _BLOCKS))
     noise = float(np.median(sigma))
     if abs(moved) <= STEADY and float(np.ptp(psi[later])) <= 2.0 * (STEADY + 4.0 * noise):
-        return _locked(time, psi, noise, moved, moved_sigma, slips)
+        return _locked(time, psi, noise, moved, moved_sigma)
     settling = _settling(time[later], psi[later])
     if settling is not None and abs(moved) < 0.5 * math.pi:
-        return _locked(time, psi, noise, settling, moved_sigma, slips)
+        return _locked(time, psi, noise, settling, moved_sigma)
     return _slipping(psi, moved, moved_sigma, slips)
 
 
 def slip_times(time: Floats, psi: Floats) -> tuple[float, ...]:
     """Times at which psi has moved by another whole turn, either way, since the start or the slip before."""
+    present = np.isfinite(psi)
+    time, psi = time[present], psi[present]
     found, base = [], float(psi[0])
     for instant, angle in zip(time.tolist(), psi.tolist(), strict=True):
         while abs(angle - base) >= _TWO_PI:
@@ -137,9 +117,12 @@ def _settling(time: Floats, psi: Floats) -> float | None:
     return second * ratio / (1.0 - ratio)
 
 
-def _locked(
-    time: Floats, psi: Floats, noise: float, moved: float, moved_sigma: float, slips: tuple[float, ...]
-) -> Verdict:
+def _said(state: str, confidence: float, angle: float, sigma: float, lock_time: float = math.nan) -> dict[str, Any]:
+    said = {"verdict": state, "confidence": confidence, "locked_angle": angle, "locked_angle_sigma": sigma}
+    return said | {"lock_time": lock_time}
+
+
+def _locked(time: Floats, psi: Floats, noise: float, moved: float, moved_sigma: float) -> dict[str, Any]:
     last = psi[time >= time[0] + 0.75 * (time[-1] - time[0])]
     angle = float(np.median(last))
     spread = float(np.std(last)) if last.size > 1 else 0.0
@@ -154,10 +137,10 @@ def _locked(
     if apart[state] > ANGLE:
         state = "other angle"
     certain = min(_sure(margin, sigma), _sure(STEADY - abs(moved), moved_sigma))
-    return Verdict(state, certain, folded, sigma, float(time[first] - time[0]), slips)
+    return _said(state, certain, folded, sigma, float(time[first] - time[0]))
 
 
-def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float, ...]) -> Verdict:
+def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float, ...]) -> dict[str, Any]:
     turns, whole = math.floor(abs(psi[-1] - psi[0]) / _TWO_PI), psi
     if turns:  # from the end back: a part of a turn would look like a rest
         whole = psi[np.flatnonzero(np.abs(psi[-1] - psi) >= turns * _TWO_PI)[-1] :]
@@ -167,11 +150,11 @@ def _slipping(psi: Floats, moved: float, moved_sigma: float, slips: tuple[float,
         angle = math.remainder(float(np.angle(rests[order - 1])) / order, _TWO_PI)
         scatter = math.sqrt(max(-2.0 * math.log(abs(rests[order - 1])), 0.0)) / order
         certain = _sure(max(map(abs, rests)) - RESTING, 0.3 / math.sqrt(len(slips)))
-        return Verdict("intermittent", certain, angle, scatter, math.nan, slips)
+        return _said("intermittent", certain, angle, scatter)
     certain = _sure(abs(moved) - STEADY, moved_sigma)
     if slips:
         certain = min(certain, _sure(RESTING - max(map(abs, rests)), 0.3 / math.sqrt(len(slips))))
-    return Verdict("drifting", certain, math.nan, math.nan, math.nan, slips)
+    return _said("drifting", certain, math.nan, math.nan)
 
 
 def _sure(margin: float, sigma: float) -> float:

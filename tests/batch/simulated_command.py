@@ -153,7 +153,7 @@ class Command:
             (executors, "gc", SimpleNamespace(collect=lambda: 0)),
             (job, "time", clock), (ledger, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
             (writing, "secrets", names), (writing, "from_tree", contents_of), (writing, "encoded", encoded),
-            (summary.Columns, "tree", table), (batch_jobs, "KINDS", kinds),
+            (summary, "tree_of", table), (batch_jobs, "KINDS", kinds),
             (pipeline.processing, "process", process), (pipeline.summary, "summaries", summaries),
             (Ledger, "append", appended), (sys, "argv", ["isochrony", "batch"]), (System, "mounted", self.system),
         ]  # fmt: skip

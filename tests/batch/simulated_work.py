@@ -13,7 +13,6 @@ from simulated_system import System
 
 from data_schemas.contents import Contents, Group, from_tree
 from data_schemas.errors import FileError, RecordError, RefusedError
-from pipeline.batch import summary
 from pipeline.batch.job import owner_of
 from pipeline.batch.ledger import NAME
 
@@ -80,8 +79,8 @@ def summaries(result: Result) -> list[dict[str, Any]]:
     return [{**row, "gravity_m_s2": result.attrs["gravity"], "corrections_mgal": {}}]
 
 
-def table(columns: summary.Columns) -> Result:
-    return Result(table=json.dumps(vars(columns), default=list))
+def table(columns: dict[str, Any]) -> Result:
+    return Result(table=json.dumps(columns, default=list))
 
 
 class World:

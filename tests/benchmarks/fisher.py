@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Recording
 from pipeline.arrays import Floats
-from pipeline.gravity import MGAL
+from pipeline.conditions import MGAL
 from synth import simulate
 
 _STEP = 1e-7  # of the frequency, for central differences

@@ -13,7 +13,7 @@ from pipeline import correction
 from pipeline.harmonics.envelope import SlowMotion, sliding_envelope
 from pipeline.methods.exact import as_estimate, numerical_error, residual_colour
 from pipeline.methods.phases import complex_form, corrected, passes_zero, phases, value_and_slope, with_noise
-from pipeline.phase_speed import phase_speed, speed_of_difference_from_second
+from pipeline.phase_speed import phase_speed
 
 STEP, N, DAMPING = 0.1, 6.2, 2e-4
 TIME = STEP * np.arange(4000)
@@ -95,7 +95,8 @@ def test_speeds_of_the_model_are_those_of_27_and_38() -> None:
     own = np.array([[ratio * N], [N]]) * (1.0 - amplitude[:2] ** 2 / 16.0)
     own[0] = ratio * (N - N * amplitude[0] ** 2 / 16.0)
     growth = -np.array([[DAMPING + seen.damping_difference], [DAMPING]]) * amplitude[:2]
-    by_38 = speed_of_difference_from_second(amplitude, lead, own, growth) - N
+    decay = growth[1] / amplitude[1] - growth[0] / amplitude[0]
+    by_38 = phase_speed(own[0], own[1], amplitude[0], amplitude[2], lead, decay) - N
     np.testing.assert_allclose(correction.model_speed(made, N, arc=True), by_38, rtol=1e-9)
     whole = correction.by_periods(made, N)
     np.testing.assert_allclose(np.gradient(whole, envelope.hop)[1:-1], by_27[1:-1], atol=1e-8)

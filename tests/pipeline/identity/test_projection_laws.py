@@ -11,10 +11,9 @@ from scipy.integrate import cumulative_simpson
 from scipy.optimize import least_squares
 
 from data_schemas.errors import RefusedError
-from pipeline.estimate import Estimate
 from pipeline.methods import method
 from pipeline.observation import Observation
-from pipeline.prepared import prepare
+from pipeline.prepared import Estimate, prepare
 
 STEP = 0.1
 TIME = np.arange(1500) * STEP

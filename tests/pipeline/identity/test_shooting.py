@@ -10,11 +10,10 @@ import pytest
 from heavy_pair import G, observe
 
 from data_schemas.errors import RefusedError
-from pipeline.estimate import Estimate
 from pipeline.methods import method
 from pipeline.methods.exact import invert
 from pipeline.observation import Observation
-from pipeline.prepared import prepare
+from pipeline.prepared import Estimate, prepare
 from pipeline.reduction import reduce_by
 
 

@@ -66,7 +66,7 @@ def test_inversion_is_what_true_shooting_finds() -> None:
     prepared = prepare(replace(seen, difference=noisy))
     start, found = prepared.fine, invert(prepared)
     nominal = 2.0 * np.pi / PERIODS[1] * np.sqrt(G / REFERENCE)
-    reach = design(start.frequency * RATIO, STEP, start.damping_rate).reach
+    reach = design(start.frequency * RATIO, STEP, start.damping_rate)[0].size // 2
     rows = slice(reach, seen.time.size - reach)
     assert found.samples == seen.time[rows].size
     begin = rows.start

@@ -11,11 +11,11 @@ import xarray as xr
 from ledger_records import entry, row, scene
 
 import synth
-from pipeline.gravity import gravity
 from pipeline.ledger.entry import Entry, Shares, mean_over_record, shares
 from pipeline.methods import method
 from pipeline.observation import Observation, observe
 from pipeline.prepared import prepare
+from pipeline.reduction import gravity
 
 X = {"kind": "harmonics", "amplitude": [0.1], "period": [10.0], "phase": [0.3]}
 Z = X | {"axis": "vertical"}

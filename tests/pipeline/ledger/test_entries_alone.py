@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from pipeline.conditions import MGAL, Tie
-from pipeline.estimate import Estimate
 from pipeline.ledger import earth, own
 from pipeline.ledger.book import OWN, own_entries
 from pipeline.ledger.entry import Case, Correction, Shares
@@ -27,6 +26,7 @@ from pipeline.ledger.instrument import (
     transverse_acceleration,
     yaw,
 )
+from pipeline.prepared import Estimate
 
 G, PERIOD = 9.81, 1.01
 STATED: dict[Correction, dict[str, Any]] = {

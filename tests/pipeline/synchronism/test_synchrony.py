@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,12 +9,10 @@ from known_clocks import NAMED, STATES, adler, made, record_of, swings
 
 import data_schemas
 import pipeline
-from data_schemas.errors import RecordError, RefusedError, UsageError
+from data_schemas.errors import RecordError, RefusedError
 from pipeline.synchronism import verdict
 from pipeline.synchronism.recipe import pendulums_of
 from pipeline.synchronism.verdict import judge, slip_times
-
-needs_allantools = pytest.mark.skipif(not verdict.available(), reason="allantools is not installed")
 
 
 def found(record):
@@ -133,8 +129,6 @@ def test_the_beam_where_it_was_recorded() -> None:
     assert table["beam_ratio"].values == pytest.approx([0.01, 0.01], rel=1e-3)
 
 
-@needs_allantools
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_allan_deviation_of_white_phase_noise() -> None:
     """sqrt(3) x/tau for independent errors of x seconds: the definition, and -1 on a doubly logarithmic sheet."""
     time, spread = np.arange(4096) * 1.0, 1e-3
@@ -144,7 +138,6 @@ def test_allan_deviation_of_white_phase_noise() -> None:
     assert deviation[:, :8] == pytest.approx(np.tile(np.sqrt(3.0) * spread / taus[:8], (2, 1)), rel=0.12)
 
 
-@needs_allantools
 def test_allan_deviation_takes_the_longest_stretch() -> None:
     time, phase = np.arange(400.0), np.full((2, 400), np.nan)
     phase[:, :150], phase[:, 200:] = 2.0 * np.pi * time[:150], 2.0 * np.pi * time[200:]
@@ -154,15 +147,18 @@ def test_allan_deviation_takes_the_longest_stretch() -> None:
     assert verdict.allan_deviation(time[:4], phase[:, :4])[0].size == 0
 
 
-def test_without_allantools_the_rest_is_there(monkeypatch) -> None:
-    real = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "allantools" else real(name))
-    record, _ = made("quadrature", 5)
-    result = pipeline.synchrony(record)
-    assert "allan_deviation" not in result["synchrony"].dataset
-    assert "isochrony[clocks]" in result["synchrony"].attrs["allan_deviation_absent"]
-    with pytest.raises(UsageError, match="install allantools"):
-        verdict.allan_deviation(np.arange(9.0), np.zeros((2, 9)))
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_allan_deviation_is_that_of_allantools() -> None:
+    allantools = pytest.importorskip("allantools")
+    chance = np.random.default_rng(4)
+    for size in (8, 33, 1000):
+        phase = 2.0 * np.pi * (np.arange(size) * 0.5 + 1e-3 * np.cumsum(chance.standard_normal((2, size)), axis=1))
+        taus, deviation = verdict.allan_deviation(0.5 * np.arange(size), phase)
+        for row, own in zip(phase, deviation, strict=True):
+            ahead = row / ((row[-1] - row[0]) / (0.5 * (size - 1)))
+            expected = allantools.oadev(ahead, rate=2.0, data_type="phase", taus="octave")
+            assert taus == pytest.approx(expected[0])
+            assert own == pytest.approx(expected[1], rel=1e-9)
 
 
 def test_exchanging_the_clocks_turns_the_signs() -> None:
@@ -195,5 +191,5 @@ def test_confidence_falls_where_the_record_is_poor() -> None:
     time = np.arange(200.0)
     chance = np.random.default_rng(6)
     for angle, least, most in ((0.0, 0.999, 1.0), (np.radians(15.0), 0.2, 0.9)):
-        verdict = judge(time, angle + 0.02 * chance.standard_normal(200), np.full(200, 0.02))
-        assert least <= verdict.confidence <= most
+        said = judge(time, angle + 0.02 * chance.standard_normal(200), np.full(200, 0.02), ())
+        assert least <= said["confidence"] <= most

@@ -16,6 +16,7 @@ from pipeline.joint.ship import Component, Ship
 
 MOST_FITS = 6
 PAYS = 5.0  # in log-likelihood
+OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 STRAIGHT = 0.02  # of the reading noise
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
@@ -54,6 +55,11 @@ class Fitted:
     bent: float = 0.0  # See `bend`, between the last two paths
     spectra: dict[object, object] = field(default_factory=dict, init=False)
     """Of the errors, once they are asked for; see `whiteness`."""
+
+    @property
+    def standing(self) -> float:
+        """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
+        return self.solution.log_likelihood + OUTLIER * float(self.model.problem.left_out.sum())
 
     def candidate(self, cost: float = 0.0) -> Candidate:
         """What it is worth beside others."""
@@ -109,7 +115,7 @@ def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = 
 
 def likelier(fit: Fitted, other: Fitted | None) -> Fitted:
     """The one of two fits that the readings are likelier under, if there is another."""
-    return fit if other is None or other.solution.log_likelihood <= fit.solution.log_likelihood else other
+    return fit if other is None or other.standing <= fit.standing else other
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
@@ -214,4 +220,4 @@ def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int]
     return Candidate(solution.log_likelihood - cost, model, solution)
 
 
-NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)
+NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf)

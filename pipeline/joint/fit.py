@@ -40,7 +40,6 @@ class Outcome:
     mean: float
     sigma: float  # Gravity over reference gravity, mean over the record, and its 1 sigma from the readings
     spread: float  # Factor in `sigma` by which the prediction errors exceed the model; 1: they are white
-    left_out: int  # Readings that were not used
     still: tuple[str, ...]  # See `gather.Gathered`.
 
     @property
@@ -129,7 +128,7 @@ def reduce(gathered: Gathered) -> Outcome:
             f"instrument/period: gravity would be {100.0 * (mean - 1.0):+.1f} % off reference_gravity; "
             "check period, reference_gravity and the time axis"
         )
-    return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()), gathered.still)
+    return Outcome(fit, close, mean, sigma, spread, gathered.still)
 
 
 def strained(fit: explanation.Fitted) -> bool:

@@ -117,7 +117,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     sine = known["restoring"] != "linear"
     angle = min(shared_angle(time, each, swing, arc, sine=sine) for each in series) if calm else FAST_ANGLE
     lattice = lay(time, np.concatenate(rows), combination, swing, angle=angle)
-    recorded = slope = np.zeros((0, POINTS))
     spline, doubt = None, 0.0
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
@@ -126,8 +125,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         even = np.arange(since[0], since[-1], np.diff(since).min())
         bias, doubt = _bias(CubicSpline(since, value)(even), white / np.sqrt(even[1] - even[0]))
         spline = CubicSpline(since, value - bias)
-        at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
-        recorded, slope = spline(at), spline(at, 1)
     stated = np.full(series.shape[0], np.nan)
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
@@ -146,8 +143,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             lattice,
             frequency**2,
             np.zeros(len(labels)) if damping is None else np.asarray(damping),
-            recorded,
-            slope,
             screening.far_off(lattice.trace, lattice.value, series.shape[0]),
             spline,
             _track(known, all_times, lattice),

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus
 from pipeline.joint.constants import Constants, is_mode
-from pipeline.joint.explanation import Fitted, Model, attempted, grown, priced, shifted
+from pipeline.joint.explanation import OUTLIER, Fitted, Model, attempted, grown, likelier, priced, shifted
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Vibration
 
@@ -24,7 +24,6 @@ LONGEST = 20.0  # s of readings that are doubted together
 HARDLY = 1e-6  # s before the first reading that shows a step
 TURNS = Vibration(0.1, 1e-2)  # a turn or a change of speed, which a rough start does not allow for
 LASTING = 8.0  # s on either side that a doubt is decided by
-OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
 NEIGHBOUR = 0.3  # of its error: those beside a single reading that lies far off
 MOST_FITS = 4
@@ -145,18 +144,7 @@ def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
         before, model = model, contested(model, path, of.errors, GATE * deviation(of.errors))
         if model is before:
             break
-    return better(model, begun)
-
-
-def better(model: Model, fit: Fitted) -> Fitted:
-    """A model fitted about the path of a fit, or that fit where it stands higher."""
-    found = attempted(model, fit.path)
-    return fit if found is None else max(found, fit, key=standing)
-
-
-def standing(fit: Fitted) -> float:
-    """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
-    return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum())
+    return likelier(begun, attempted(model, begun.path))
 
 
 def of_the_law(fit: Fitted) -> float:

@@ -126,7 +126,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         sigma=0.5 * frequency * outcome.sigma * outcome.spread / outcome.mean,
         noise=float(model.assumed.noise[trace]),
         damping_rate=float(damping[second]),
-        samples=int(model.problem.lattice.node.size - outcome.left_out),
+        samples=int(np.sum(~model.problem.left_out)),
         acceleration_reduced=model.assumed.sine,
         of_mean=True,
         parts=budget.parts(fit, reference) | _tilt(record, gathered, fit, one),

@@ -10,9 +10,9 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kinds, motion, outliers
 from pipeline.joint.constants import Constant, Constants, starts
-from pipeline.joint.explanation import Fitted, Model, attempted, fitted
+from pipeline.joint.explanation import Fitted, Model, attempted, fitted, likelier
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import GATE, better, deviation, isolated, of_the_law, reconsidered, smoothed, standing
+from pipeline.joint.outliers import GATE, deviation, isolated, of_the_law, reconsidered, smoothed
 from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
@@ -79,7 +79,7 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
 
 
 def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:
-    return max((fit for fit in fits if fit is not None), key=standing, default=None)
+    return max((fit for fit in fits if fit is not None), key=lambda fit: fit.standing, default=None)
 
 
 def _with_difference(fit: Fitted) -> Fitted:
@@ -135,26 +135,25 @@ def _cold_start(problem: Problem, assumed: Assumed, first: Constants) -> Fitted:
     between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * problem.swing
     for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
         end = int(min(nodes, np.ceil(seconds / step)))
-        part = problem.until(end)
         rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
             easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
-            constants = _freed(part.run(easy, _held(constants))[0].constants, first)
-        constants, errors = _followed(part, rough, _held(constants, EARTH))
+            constants = _freed(problem.run(easy, _held(constants), span=(0, end))[0].constants, first)
+        constants, errors = _followed(problem, rough, _held(constants, EARTH), end)
         constants = _freed(constants, first)
         if end == nodes:
             break
     # what shakes one trace all along is no outlier
-    scatter = [deviation(errors[part.lattice.trace == j]) for j in range(rough.noise.size)]
+    scatter = [deviation(errors[own]) for own in problem.lattice.of_trace]
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
     return smoothed(problem, rough, _held(constants, EARTH), NO_PATH, 2.0 * GATE, most=1)
 
 
-def _followed(problem: Problem, assumed: Assumed, constants: Constants) -> tuple[Constants, Floats]:
-    """Gauss-Newton without readings far off as long as they are few; and all errors, (r,)."""
+def _followed(problem: Problem, assumed: Assumed, constants: Constants, end: int) -> tuple[Constants, Floats]:
+    """Gauss-Newton on the first nodes without readings far off as long as they are few; and all errors, (r,)."""
     gate = outliers.COARSE_GATE
     for _ in range(outliers.MOST_FITS):
-        solution, of = problem.run(assumed, constants, gate=gate)
+        solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
         share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
         gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
         constants = solution.constants
@@ -248,7 +247,7 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if best is None:
         return None
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
-        kicked = better(replace(model, assumed=motion.kicked(fit)), best)
+        kicked = likelier(best, attempted(replace(model, assumed=motion.kicked(fit)), best.path))
         if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
             return fit, kicked
     best = motion.reshaped(best)

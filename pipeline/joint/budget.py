@@ -18,7 +18,7 @@ from pipeline.conditions import MGAL
 from pipeline.joint import kinds
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import is_knot, mean_row, prior_root
-from pipeline.joint.explanation import Fitted
+from pipeline.joint.explanation import Fitted, priced
 from pipeline.joint.problem import LEVEL, Assumed
 from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
 
@@ -78,12 +78,10 @@ def shares(fit: Fitted, whole: float) -> dict[str, float]:
 
 def _of_noise(fit: Fitted, row: Floats, variance: float, larger: Assumed) -> float:
     """What a noise brings, from the variance where it is a little larger."""
-    try:
-        root = prior_root(fit.model.constants, fit.model.course)
-        solution, _ = fit.model.problem.run(larger, fit.model.constants, about=fit.path, root=root)
-    except np.linalg.LinAlgError:
+    covariance = priced(replace(fit.model, assumed=larger), fit.path).solution.covariance
+    if not covariance.size:  # it cannot be followed
         return 0.0
-    growth = math.log(float(row @ solution.covariance @ row) / variance)
+    growth = math.log(float(row @ covariance @ row) / variance)
     return variance * min(max(growth / (2.0 * math.log(LARGER)), 0.0), 1.0)
 
 

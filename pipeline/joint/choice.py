@@ -179,8 +179,7 @@ def simplified(fit: Fitted) -> Fitted:
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]
     # the path holds them still, and stiffens the pendulums by half of their squares
-    sigma = mean_gravity(lean.solution, lean.model.problem.lattice.duration)[1]
-    moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * sigma
+    moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * lean.gravity[1]
     return fitted(lean.model, lean.path) if moved else lean
 
 
@@ -382,8 +381,8 @@ def unexplained(fit: Fitted) -> float:
     swing = problem.swing
     worst = 1.0
     for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-        if used.sum() < LEAST_READINGS:
+        used = fit.used(trace)
+        if used.size < LEAST_READINGS:
             continue
         errors, time = fit.of.whitened[used], lattice.time[used]
         parts = np.array_split(errors, 10)

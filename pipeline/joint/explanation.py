@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import kinds, passes
 from pipeline.joint.constants import Constant, Constants, Solution, solve
-from pipeline.joint.course import Course, prior_root
+from pipeline.joint.course import Course, mean_gravity, prior_root
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
@@ -55,6 +55,16 @@ class Fitted:
     bent: float = 0.0  # See `bend`, between the last two paths
     spectra: dict[object, object] = field(default_factory=dict, init=False)
     """Of the errors, once they are asked for; see `whiteness`."""
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Mean over the record over reference gravity, and its 1 sigma."""
+        return mean_gravity(self.solution, self.model.problem.lattice.duration)
+
+    def used(self, trace: int) -> np.ndarray:
+        """Places of a trace's readings that were used."""
+        own = self.model.problem.lattice.of_trace[trace]
+        return own[np.isfinite(self.of.whitened[own])]
 
     @property
     def standing(self) -> float:

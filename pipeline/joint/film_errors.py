@@ -44,7 +44,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
         return fit
     value, squares = lattice.value.copy(), np.zeros(problem.traces)
     for trace in range(problem.traces):
-        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(fit.of.whitened))
+        own = fit.used(trace)
         highest = ALIASED * np.pi / (problem.swing * lattice.spacing[trace])
         harmonics = [k for k in HARMONICS if k < highest]
         if not harmonics or own.size < LEAST:

@@ -8,7 +8,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion
-from pipeline.joint.course import mean_gravity, mean_row
+from pipeline.joint.course import mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
@@ -76,7 +76,7 @@ def reduce(gathered: Gathered) -> Outcome:
     """
     reference = float(gathered.constants["reference_gravity"])
     try:
-        found = fitted(gathered)
+        found = first_fits(gathered)
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
@@ -152,9 +152,8 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
             other = first_fits(replace(gathered, problem=replace(gathered.problem, lattice=turned)))[0]
         except np.linalg.LinAlgError:
             continue
-        own, reversed_ = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, other))
         ahead = other.solution.log_likelihood - fit.solution.log_likelihood
-        much = abs(own - reversed_) * reference > MOST_APART * MGAL
+        much = abs(fit.gravity[0] - other.gravity[0]) * reference > MOST_APART * MGAL
         if ahead > DECISIVE and much and motion.is_white(other, other.model.problem.differences):
             raise RefusedError(
                 f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
@@ -170,9 +169,7 @@ def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
     """
     if not any(words.startswith("transverse") for words in fit.model.words):
         return 0.0
-    duration = fit.model.problem.lattice.duration
-    own, other = (mean_gravity(each.solution, duration)[0] for each in (fit, plain))
-    return HALF * abs(own - other)
+    return HALF * abs(fit.gravity[0] - plain.gravity[0])
 
 
 def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:
@@ -211,8 +208,7 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
     told, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
-    own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
-    apart = other - own
+    apart = tilted.gravity[0] - fit.gravity[0]
     # kicks follow the differences wherever they go: what they make of all traces is compared
     against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
@@ -267,8 +263,3 @@ def weighed(
 def law(model: explanation.Model) -> str:
     """The law of restoring in a word."""
     return "sine" if model.assumed.sine else "linear"
-
-
-def fitted(gathered: Gathered) -> list[explanation.Fitted]:
-    """The stated law, or both where none is stated, fitted without other explanations, the likelier first."""
-    return sorted(first_fits(gathered), key=of_the_law, reverse=True)

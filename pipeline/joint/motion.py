@@ -298,8 +298,8 @@ def _steady(fit: Fitted) -> Engine | None:
     turning = path[:, :two:2] - 1j / swing * path[:, 1:two:2]
     product, square = np.zeros(frequency.size, dtype=np.complex128), np.zeros(frequency.size)
     for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-        if not used.any():
+        used = fit.used(trace)
+        if not used.size:
             continue
         errors, scale = clipped(fit.of.whitened[used]), float(np.nanmedian(fit.of.scale[used]))
         own = turning[lattice.node[used]] @ lattice.combination[trace] * np.exp(1j * swing * lattice.offset[used])

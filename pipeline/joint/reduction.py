@@ -12,7 +12,7 @@ from pipeline.arrays import Floats
 from pipeline.estimate import Estimate
 from pipeline.gravity import MGAL, gravity
 from pipeline.joint import apparatus, budget
-from pipeline.joint.course import mean_gravity, weights
+from pipeline.joint.course import weights
 from pipeline.joint.explanation import Fitted, angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
@@ -55,7 +55,7 @@ class Joint:
         solution, lattice = outcome.fit.solution, outcome.fit.model.problem.lattice
         rows = weights(solution.constants, np.clip(time - lattice.start, 0.0, lattice.duration))
         values = np.array([each.value for each in solution.constants])
-        own, sigma = mean_gravity(solution, lattice.duration)
+        own, sigma = outcome.fit.gravity
         band = np.einsum("ij,jk,ik->i", rows, solution.covariance, rows)
         # what explanations that stay close add to the variance of the mean, they add to that of each instant
         band = (band + max(outcome.sigma**2 - sigma**2, 0.0)) * outcome.spread**2

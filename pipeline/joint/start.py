@@ -48,7 +48,7 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
 
 
 def first_fits(gathered: Gathered) -> list[Fitted]:
-    """Fit the stated law, or both where none is stated, in any order.
+    """Fit the stated law, or both where none is stated, without other explanations; the likelier first.
 
     Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
     left out, pendulums knocked, and all parameters of the ship sought. A law that is far behind from the cold start on
@@ -75,7 +75,7 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     found = [_with_difference(fit) for fit in fits if fit is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    return found
+    return sorted(found, key=of_the_law, reverse=True)
 
 
 def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:

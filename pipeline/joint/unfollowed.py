@@ -160,7 +160,7 @@ def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
     values = np.array([each.value for each in fit.solution.constants])
     square = 0.0
     for trace in range(problem.traces):
-        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(fit.of.whitened))
+        own = fit.used(trace)
         if not own.size or lattice.spacing[trace] * problem.swing * ALIASED < np.pi:
             continue
         _, turn = swing_of(fit, trace, own)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,10 @@ class Model:
     problem: Problem
     begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
+
+    def adding(self, words: str, **changes: Any) -> Model:
+        """With something more, named by these words."""
+        return replace(self, words=(*self.words, words), **changes)
 
 
 class Candidate(NamedTuple):
@@ -64,7 +68,7 @@ class Fitted:
     def used(self, trace: int) -> np.ndarray:
         """Places of a trace's readings that were used."""
         own = self.model.problem.lattice.of_trace[trace]
-        return own[np.isfinite(self.of.whitened[own])]
+        return np.asarray(own[np.isfinite(self.of.whitened[own])])
 
     @property
     def standing(self) -> float:

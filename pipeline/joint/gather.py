@@ -44,10 +44,10 @@ class Gathered:
     problem: Problem
     pendulums: tuple[str, ...]  # Labels
     constants: dict[str, Any]  # What /instrument states; see `pipeline.observation.instrument`.
-    noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
+    noise: Floats
+    """(t + 2,) stated of traces, rad, NaN = not stated; of accelerations that are readings, over reference gravity."""
     heave_noise: float
     """White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2."""
-    accelerations: Floats  # (2,) noise of recorded accelerations that are readings, over reference gravity
     heave_doubt: float  # 1 sigma of its mean over reference gravity, which gravity shares
     still: tuple[str, ...]  # Traces that stand still for a while, and when, in words
     tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
@@ -151,9 +151,8 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         ),
         labels,
         known,
-        stated,
+        np.append(stated, accelerations),
         white,
-        accelerations,
         doubt,
         still,
         tilts,

@@ -72,8 +72,8 @@ def alone(fit: Fitted) -> Fitted | None:
         for _ in range(SIZES):
             for ship, first in {level: begun, model.assumed.ship: model.begun}.items():
                 assumed = replace(model.assumed, ship=ship, kick=size * which)
-                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed, begun=first)
-                best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one.value)
+                trial = priced(model.adding("kicks", assumed=assumed, begun=first), path_on(fit, ship))
+                best = max(best, trial, key=lambda one: one.value)
             if best.value == last:
                 break
             last, size = best.value, THRICE * size

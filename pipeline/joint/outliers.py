@@ -10,7 +10,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import apparatus
 from pipeline.joint.constants import Constants, is_mode
 from pipeline.joint.explanation import OUTLIER, Fitted, Model, attempted, grown, likelier, priced, shifted
-from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.problem import Problem
 from pipeline.joint.ship import Vibration
 
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
@@ -46,27 +46,17 @@ def isolated(rough: Fitted) -> bool:
     return False
 
 
-def smoothed(
-    problem: Problem,
-    assumed: Assumed,
-    constants: Constants,
-    about: Floats,
-    first_gate: float = COARSE_GATE,
-    most: int = MOST_FITS,
-) -> Fitted:
+def smoothed(model: Model, about: Floats, gate: float = COARSE_GATE, most: int = MOST_FITS) -> Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
-    gate = first_gate
     for _ in range(most):
-        about = grown(about, problem.pendulums, assumed.ship) if about.size else about
-        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
-        before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = Model((), assumed, constants, problem, assumed.ship)
-        kept = contested(model, about, of.errors, gate) if most > 1 else model
-        fit = Fitted(kept, solution, about, of, before)
-        if kept is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+        about = grown(about, model.problem.pendulums, model.assumed.ship) if about.size else about
+        solution, of, about = model.problem.fit(model.assumed, model.constants, about=about, gate=gate)
+        before, gate = model.constants, GATE * deviation(of.errors)
+        found = replace(model, constants=solution.constants)
+        model = contested(found, about, of.errors, gate) if most > 1 else found
+        if model is found and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-        problem, assumed, constants = kept.problem, kept.assumed, kept.constants
-    return fit
+    return Fitted(model, solution, about, of, before)
 
 
 def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
@@ -128,9 +118,9 @@ def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
     return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
 
 
-def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
-    """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
-    path = grown(begun.path, problem.pendulums, model.assumed.ship)
+def reconsidered(begun: Fitted, problem: Problem) -> Fitted:
+    """What was left out or knocked by what was assumed before, decided anew and fitted; or the fit before."""
+    model, path = begun.model, grown(begun.path, problem.pendulums, begun.model.assumed.ship)
     for node in {node for node, _ in model.assumed.breaks}:
         span = stretch(problem, node, node)
         here = replace(model, constants=shifted(model.constants, path, span[0]))

@@ -18,6 +18,7 @@ from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Ship
 from pipeline.ledger import earth
+from pipeline.ledger.own import CASE_TILT
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Prepared
 from pipeline.reduction import Reduction, flags
@@ -158,7 +159,9 @@ def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict
         tilt = np.interp(nodes, time[known], values[known])
     else:
         return {}
-    return budget.of_tilt(fit.path[:, 2 * first], tilt, float(gathered.constants["reference_gravity"]))
+    reference, angle = float(gathered.constants["reference_gravity"]), fit.path[:, 2 * first]
+    value = -0.5 * reference * float(np.mean(2.0 * angle * tilt - tilt**2)) / MGAL
+    return {CASE_TILT.NAME: (value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}
 
 
 def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:

@@ -35,12 +35,12 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
     """Follow the swing under a law from a cold start; and the one that even, sparse times show as well."""
     problem = gathered.problem
     stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.append(np.maximum(stated, LEAST_NOISE), gathered.accelerations)
     ship: tuple[Component, ...] = GENEROUS
     if problem.leaves_heave_open(sine):
         ship = (*ship, replace(GENEROUS[0], axis="vertical"))
     if gathered.tilts:
         ship = (*ship, replace(GENEROUS[0], axis="tilt"))
+    noise = np.maximum(stated, LEAST_NOISE)
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
     rough = _cold_start(problem, assumed, _first_constants(gathered))
     others = _mirrored(rough)
@@ -146,7 +146,7 @@ def _cold_start(problem: Problem, assumed: Assumed, first: Constants) -> Fitted:
     # what shakes one trace all along is no outlier
     scatter = [deviation(errors[own]) for own in problem.lattice.of_trace]
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
-    return smoothed(problem, rough, _held(constants, EARTH), NO_PATH, 2.0 * GATE, most=1)
+    return smoothed(Model((), rough, _held(constants, EARTH), problem, rough.ship), NO_PATH, 2.0 * GATE, most=1)
 
 
 def _followed(problem: Problem, assumed: Assumed, constants: Constants, end: int) -> tuple[Constants, Floats]:
@@ -164,8 +164,7 @@ def _followed(problem: Problem, assumed: Assumed, constants: Constants, end: int
 
 def _again(rough: Fitted) -> Fitted:
     """The same about its own path, to the end; outliers and breaks show on the way."""
-    model = rough.model
-    return smoothed(model.problem, model.assumed, model.constants, rough.path, GATE * deviation(rough.of.errors))
+    return smoothed(rough.model, rough.path, GATE * deviation(rough.of.errors))
 
 
 def _mirrored(rough: Fitted) -> list[Fitted]:
@@ -183,7 +182,7 @@ def _mirrored(rough: Fitted) -> list[Fitted]:
         factor**2 if c.kind == kinds.GRAVITY else -factor if s else 1.0 for c, s in zip(constants, speeds, strict=True)
     ]
     constants = tuple(replace(c, value=c.value * each) for c, each in zip(constants, by, strict=True))
-    return [smoothed(model.problem, model.assumed, constants, NO_PATH)]
+    return [smoothed(replace(model, constants=constants), NO_PATH)]
 
 
 def _plain(gathered: Gathered, rough: Fitted) -> Fitted | None:
@@ -205,10 +204,9 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
     open_heave = model.problem.leaves_heave_open(model.assumed.sine)
     ship = (motion.heaving(rough, model.assumed) if open_heave else model.assumed).ship
     # pendulums that wander: friction, or gravity that changes, is not to be taken for outliers
-    wandering, best = replace(model.assumed, ship=ship, kick=none + KICK), rough
+    wandering = replace(model.assumed, ship=ship, kick=none + KICK)
     try:
-        best = smoothed(model.problem, wandering, model.constants, rough.path)
-        best = reconsidered(replace(best.model, begun=ship), best, problem)
+        best = reconsidered(smoothed(replace(model, assumed=wandering), rough.path), problem)
         model = best.model
     except np.linalg.LinAlgError:
         best = rough
@@ -219,7 +217,7 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
         return None
     fit = fits[0]
     for _ in range(AGAIN):  # less noise shows more that lies far off
-        fit = motion.reshaped(reconsidered(fit.model, fit, problem))
+        fit = motion.reshaped(reconsidered(fit, problem))
         if np.nanmax(np.abs(fit.of.whitened)) < GATE:
             break
     return fit
@@ -256,6 +254,5 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
 
 def _spectral(model: Model, rough: Fitted, gathered: Gathered) -> Model:
     """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
-    stated = np.maximum(np.append(gathered.noise, gathered.accelerations), LEAST_NOISE)
-    begun = motion.first(rough, stated)
+    begun = motion.first(rough, np.maximum(gathered.noise, LEAST_NOISE))
     return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)

@@ -68,7 +68,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
                 squares[trace] += square / own.size
     if not squares.any():
         return fit
-    moved = replace(problem, lattice=replace(lattice, value=value), repeating=np.sqrt(squares))
+    moved = replace(problem.reading(value), repeating=np.sqrt(squares))
     return fitted(replace(fit.model, problem=moved), fit.path)
 
 

@@ -102,6 +102,10 @@ class Problem:
         """Whether vertical motion acts under a law, and no recording says how."""
         return sine and self.heave is None
 
+    def reading(self, value: Floats) -> Problem:
+        """The same with other values of the readings, (r,)."""
+        return replace(self, lattice=replace(self.lattice, value=value))
+
     @property
     def differences(self) -> list[int]:
         """Traces that hardly see the ship's horizontal motion; all of them where none does."""

@@ -17,7 +17,7 @@ from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Proble
 from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
-EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
+EARTH, EXACT = 0.004, 1e-15  # 1 sigma of gravity over reference gravity in a cold start; of what is held
 DAMPING, DIFFERENCE = 1e-3, 1e-4  # s-1: 1 sigma of an unstated rate, and of its difference between pendulums
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
@@ -109,11 +109,10 @@ def _first_constants(gathered: Gathered) -> Constants:
     return tuple(found)
 
 
-def _held(constants: Constants, gravity: float | None = None) -> Constants:
-    """Damping held where it is, and gravity too, or within some 1 sigma of its prior."""
-    stiff = (kinds.DAMPING, kinds.GRAVITY) if gravity is None else (kinds.DAMPING,)
-    held = (replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
-    return tuple(replace(c, prior=gravity) if gravity and c.kind == kinds.GRAVITY else c for c in held)
+def _held(constants: Constants, gravity: float = EXACT) -> Constants:
+    """Damping held where it is, gravity within some 1 sigma of its prior."""
+    held = (replace(c, prior=EXACT, mean=c.value) if c.kind == kinds.DAMPING else c for c in constants)
+    return tuple(replace(c, prior=gravity) if c.kind == kinds.GRAVITY else c for c in held)
 
 
 def _freed(constants: Constants, like: Constants) -> Constants:

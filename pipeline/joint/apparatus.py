@@ -49,7 +49,7 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
     if np.any(problem.lattice.trace == problem.traces):
         words = "bias of the horizontal acceleration"
         found.append(constant(words, kinds.ZERO, f"{across}_bias", ZERO, problem.traces, gravity))
-    if problem.recorded.size:
+    if problem.heave is not None:
         found.append(constant("scale of the heave", kinds.HEAVE_SCALE, f"{up}_scale", HEAVE_SCALE))
         found.append(constant("delay of the heave", kinds.HEAVE_DELAY, f"{up}_delay", HEAVE_DELAY))
     if np.any(problem.lattice.trace == problem.traces + 1):

@@ -18,9 +18,9 @@ from pipeline.conditions import MGAL
 from pipeline.joint import kinds
 from pipeline.joint.constants import is_mode
 from pipeline.joint.course import is_knot, mean_row, prior_root
-from pipeline.joint.explanation import Fitted
+from pipeline.joint.explanation import Fitted, priced
 from pipeline.joint.problem import LEVEL, Assumed
-from pipeline.ledger.own import CASE_TILT, CLOCK_STEPS, SCALE, ZERO
+from pipeline.ledger.own import CLOCK_STEPS, SCALE, ZERO
 
 LARGER = 1.1  # a noise, for its share
 SOURCES = {
@@ -78,12 +78,10 @@ def shares(fit: Fitted, whole: float) -> dict[str, float]:
 
 def _of_noise(fit: Fitted, row: Floats, variance: float, larger: Assumed) -> float:
     """What a noise brings, from the variance where it is a little larger."""
-    try:
-        root = prior_root(fit.model.constants, fit.model.course)
-        solution, _ = fit.model.problem.run(larger, fit.model.constants, about=fit.path, root=root)
-    except np.linalg.LinAlgError:
+    covariance = priced(replace(fit.model, assumed=larger), fit.path).solution.covariance
+    if not covariance.size:  # it cannot be followed
         return 0.0
-    growth = math.log(float(row @ solution.covariance @ row) / variance)
+    growth = math.log(float(row @ covariance @ row) / variance)
     return variance * min(max(growth / (2.0 * math.log(LARGER)), 0.0), 1.0)
 
 
@@ -120,9 +118,3 @@ def _zero(fit: Fitted, reference: float) -> dict[str, tuple[float, float, str]]:
         return {}
     value = 0.5 * reference * float(np.mean(zero[level] ** 2))
     return {ZERO.NAME: (value / MGAL, reference * sigma / MGAL, "; ".join(words))}
-
-
-def of_tilt(angle: Floats, tilt: Floats, gravity: float) -> dict[str, tuple[float, float, str]]:
-    """The entry of a case's tilt, from the slow motion of the first pendulum, (n,), and the tilt, (n,), rad."""
-    value = 0.5 * gravity * float(np.mean(2.0 * angle * tilt - tilt**2)) / MGAL
-    return {CASE_TILT.NAME: (-value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}

@@ -16,11 +16,10 @@ from itertools import groupby
 import numpy as np
 
 from pipeline.joint import apparatus, kicks, kinds, motion
-from pipeline.joint.constants import Constant, Constants, solve
+from pipeline.joint.constants import Constant, Constants, is_mode, solve
 from pipeline.joint.course import best_course, is_knot, knots, mean_gravity, prior_root
 from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, fitted, likelier, priced, shifted
 from pipeline.joint.outliers import stretch
-from pipeline.joint.problem import Problem
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import LEAST_READINGS
 
@@ -90,7 +89,7 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
             prior[len(own) :, len(own) :] *= least
             constants = (*own, *(replace(each, prior=least * each.prior) for each in added))
             solution = solve(constants, normal, float(of.totals[0]), float(of.totals[1]), prior)
-            trial = replace(model, words=(*model.words, name), constants=solution.constants)
+            trial = model.adding(name, constants=solution.constants)
             price = 0.0 if free else cost - LIKELIER * (least < 1.0)
             if not feeds(solution.constants):
                 found.append(Candidate(solution.log_likelihood - price, trial, solution))
@@ -99,7 +98,7 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
         track, solution = best_course((*own, *course), normal, of.totals, model.problem.lattice.duration)
         # two more parameters, of the prior
-        trial = replace(model, words=(*model.words, "gravity changes"), constants=solution.constants, course=track)
+        trial = model.adding("gravity changes", constants=solution.constants, course=track)
         found.append(Candidate(solution.log_likelihood - 2.0, trial, solution))
     return found
 
@@ -125,13 +124,6 @@ def _steps(fit: Fitted) -> list[Candidate]:
     return best
 
 
-def _of_a_time(constant: Constant, problem: Problem) -> bool:
-    """Whether a constant is a step whose time was sought."""
-    if constant.kind not in (kinds.STEP, kinds.CLOCK) or constant.width > 0.0:
-        return False
-    return constant.centre not in problem.paper_steps
-
-
 def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
     """The likeliest knock of one pendulum while nothing is read, after which it swings as it will."""
     model, lattice = fit.model, fit.model.problem.lattice
@@ -147,8 +139,7 @@ def _knocks_in_gaps(fit: Fitted) -> Iterator[Candidate]:
             if gain > best:
                 best, found = gain, (knocked, f"knock of pendulum {i + 1} about {lattice.time[last]:.0f} s")
     if found is not None:
-        trial = replace(model, words=(*model.words, found[1]), assumed=found[0])
-        yield priced(trial, fit.path, cost=STEP_COST)
+        yield priced(model.adding(found[1], assumed=found[0]), fit.path, cost=STEP_COST)
 
 
 def _with_fade(fit: Fitted) -> Fitted:
@@ -174,13 +165,14 @@ def simplified(fit: Fitted) -> Fitted:
     """Without zeros, steps, and scale and delay of a recorded heave, where these do not pay."""
     lean = fit
     for each in fit.model.constants:
-        if (each.kind in LEAN and not each.stated) or _of_a_time(each, fit.model.problem):
+        sought = each.kind in (kinds.STEP, kinds.CLOCK) and not is_mode(each)  # a step at a time that none states
+        sought = sought and each.centre not in fit.model.problem.paper_steps
+        if sought or (each.kind in LEAN and not each.stated):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]
     # the path holds them still, and stiffens the pendulums by half of their squares
-    sigma = mean_gravity(lean.solution, lean.model.problem.lattice.duration)[1]
-    moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * sigma
+    moved = fit.model.assumed.sine and 0.5 * max(np.square(zeros), default=0.0) > HARMLESS * lean.gravity[1]
     return fitted(lean.model, lean.path) if moved else lean
 
 
@@ -316,7 +308,8 @@ def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
         if far_off:  # the best of each kind
             same = list({other.model.words[-1:]: other for other in reversed(ahead[number:])}.values())[::-1]
         else:
-            same = [other for other in ahead[number:] if other is each or (_of_scale(each) and _of_scale(other))]
+            scales = [other for other in ahead[number:] if other.model.constants[-1].kind in SCALES]
+            same = scales if scales[:1] == [each] else [each]
         fits = [(one, found) for one in same if (found := _fitted(fit, one)) is not None]
         if far_off:
             fits = [(one, _with_fade(motion.reshaped(found))) for one, found in fits]
@@ -324,11 +317,6 @@ def _taken(fit: Fitted, ahead: list[Candidate]) -> Fitted | None:
         if best is not None and _priced_again(*best).value > base + PAYS:
             return best[1]
     return None
-
-
-def _of_scale(candidate: Candidate) -> bool:
-    """Whether it adds a gain or a period."""
-    return candidate.model.constants[-1].kind in SCALES
 
 
 def _priced_again(candidate: Candidate, found: Fitted) -> Candidate:
@@ -388,8 +376,8 @@ def unexplained(fit: Fitted) -> float:
     swing = problem.swing
     worst = 1.0
     for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-        if used.sum() < LEAST_READINGS:
+        used = fit.used(trace)
+        if used.size < LEAST_READINGS:
             continue
         errors, time = fit.of.whitened[used], lattice.time[used]
         parts = np.array_split(errors, 10)

@@ -71,12 +71,6 @@ class Solution:
     step: Floats  # (c,) change from the values before
     covariance: Floats  # (c, c)
     log_likelihood: float  # Marginal, of the readings
-    squares: float  # Sum of squares of the whitened prediction errors at the solution
-    count: int  # Of the readings
-
-    def of(self, name: str) -> Constant:
-        """The constant of a name."""
-        return next(each for each in self.constants if each.name == name)
 
     def sigma(self, name: str) -> float:
         """1 sigma of a constant."""
@@ -108,7 +102,7 @@ def solve(
     spread = np.linalg.solve(factor, root.T)
     values = tuple(replace(c, value=c.value + by) for c, by in zip(constants, moved.tolist(), strict=True))
     likelihood = -log_deviations - 0.5 * squares - np.log(np.diag(factor)).sum() - 0.5 * count * np.log(2.0 * np.pi)
-    return Solution(values, moved, spread.T @ spread, float(likelihood), squares, int(count))
+    return Solution(values, moved, spread.T @ spread, float(likelihood))
 
 
 def starts(pendulums: int, frequency: Floats, value: Floats | None = None, arc: float = 0.5) -> Constants:

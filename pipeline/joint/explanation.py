@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds, passes
 from pipeline.joint.constants import Constant, Constants, Solution, solve
-from pipeline.joint.course import Course, prior_root
+from pipeline.joint.course import Course, mean_gravity, prior_root
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
 MOST_FITS = 6
 PAYS = 5.0  # in log-likelihood
+OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
+BROKEN = 200.0  # in log-likelihood, that pendulums which were knocked at a node must be worth
 STRAIGHT = 0.02  # of the reading noise
 CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
 
@@ -30,6 +32,10 @@ class Model:
     problem: Problem
     begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
+
+    def adding(self, words: str, **changes: Any) -> Model:
+        """With something more, named by these words."""
+        return replace(self, words=(*self.words, words), **changes)
 
 
 class Candidate(NamedTuple):
@@ -54,6 +60,26 @@ class Fitted:
     bent: float = 0.0  # See `bend`, between the last two paths
     spectra: dict[object, object] = field(default_factory=dict, init=False)
     """Of the errors, once they are asked for; see `whiteness`."""
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Mean over the record over reference gravity, and its 1 sigma."""
+        return mean_gravity(self.solution, self.model.problem.lattice.duration)
+
+    def used(self, trace: int) -> np.ndarray:
+        """Places of a trace's readings that were used."""
+        own = self.model.problem.lattice.of_trace[trace]
+        return np.asarray(own[np.isfinite(self.of.whitened[own])])
+
+    @property
+    def standing(self) -> float:
+        """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
+        return self.solution.log_likelihood + OUTLIER * float(self.model.problem.left_out.sum()) - self.knocked
+
+    @property
+    def knocked(self) -> float:
+        """What pendulums that were knocked must be worth, in log-likelihood."""
+        return BROKEN * len({node for node, _ in self.model.assumed.breaks})
 
     def candidate(self, cost: float = 0.0) -> Candidate:
         """What it is worth beside others."""
@@ -109,7 +135,7 @@ def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = 
 
 def likelier(fit: Fitted, other: Fitted | None) -> Fitted:
     """The one of two fits that the readings are likelier under, if there is another."""
-    return fit if other is None or other.solution.log_likelihood <= fit.solution.log_likelihood else other
+    return fit if other is None or other.standing <= fit.standing else other
 
 
 def grown(path: Floats, pendulums: int, ship: tuple[Component, ...]) -> Floats:
@@ -214,4 +240,4 @@ def priced(model: Model, about: Floats, cost: float = 0.0, span: tuple[int, int]
     return Candidate(solution.log_likelihood - cost, model, solution)
 
 
-NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf, np.inf, 0)
+NO_SOLUTION = Solution((), np.zeros(0), np.zeros((0, 0)), -np.inf)

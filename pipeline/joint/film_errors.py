@@ -44,7 +44,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
         return fit
     value, squares = lattice.value.copy(), np.zeros(problem.traces)
     for trace in range(problem.traces):
-        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(fit.of.whitened))
+        own = fit.used(trace)
         highest = ALIASED * np.pi / (problem.swing * lattice.spacing[trace])
         harmonics = [k for k in HARMONICS if k < highest]
         if not harmonics or own.size < LEAST:
@@ -68,7 +68,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
                 squares[trace] += square / own.size
     if not squares.any():
         return fit
-    moved = replace(problem, lattice=replace(lattice, value=value), repeating=np.sqrt(squares))
+    moved = replace(problem.reading(value), repeating=np.sqrt(squares))
     return fitted(replace(fit.model, problem=moved), fit.path)
 
 

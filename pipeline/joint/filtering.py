@@ -194,7 +194,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             if not updating.whiten(slots, used, gain, root):
                 return False
             updating.lift(covariance, gain, gain, used, updated)
-            if not flow.varying and used > 0:
+            if not flow.sine and used > 0:
                 change = updating.change_of(gain, used, old_gain, covariance)
         updating.substitute(root, used, seen)
         updating.lift(state, gain, seen, used, state_updated)
@@ -221,7 +221,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             state, covariance = state_updated, updated if moving else covariance
             break
         # to the next node
-        settling = moving and alike and not flow.varying and change < SETTLED and used > 0
+        settling = moving and alike and not flow.sine and change < SETTLED and used > 0
         if asked and not given:
             reach(flow.to_nodes, state_updated, steps.nodes)
             remain(task, joined, k, width, steps)

@@ -8,7 +8,7 @@ import numpy as np
 
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion
-from pipeline.joint.course import mean_gravity, mean_row
+from pipeline.joint.course import mean_row
 from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
@@ -41,7 +41,6 @@ class Outcome:
     mean: float
     sigma: float  # Gravity over reference gravity, mean over the record, and its 1 sigma from the readings
     spread: float  # Factor in `sigma` by which the prediction errors exceed the model; 1: they are white
-    left_out: int  # Readings that were not used
     still: tuple[str, ...]  # See `gather.Gathered`.
 
     @property
@@ -78,7 +77,7 @@ def reduce(gathered: Gathered) -> Outcome:
     """
     reference = float(gathered.constants["reference_gravity"])
     try:
-        found = fitted(gathered)
+        found = first_fits(gathered)
         if gathered.film:  # of other records the harmonics tell friction and optics that are not linear
             found = [with_clock(without_repeating(each, tells_law=len(found) > 1)) for each in found]
             found.sort(key=of_the_law, reverse=True)
@@ -130,7 +129,7 @@ def reduce(gathered: Gathered) -> Outcome:
             f"instrument/period: gravity would be {100.0 * (mean - 1.0):+.1f} % off reference_gravity; "
             "check period, reference_gravity and the time axis"
         )
-    return Outcome(fit, close, mean, sigma, spread, int(fit.model.problem.left_out.sum()), gathered.still)
+    return Outcome(fit, close, mean, sigma, spread, gathered.still)
 
 
 def settled(fit: explanation.Fitted, gathered: Gathered) -> tuple[explanation.Fitted, list[explanation.Candidate]]:
@@ -140,7 +139,7 @@ def settled(fit: explanation.Fitted, gathered: Gathered) -> tuple[explanation.Fi
         before = fit.model.problem.left_out
         if before.mean() - gathered.problem.left_out.mean() < SUSPECT and not fit.model.assumed.breaks:
             break
-        again = reconsidered(fit.model, fit, gathered.problem)
+        again = reconsidered(fit, gathered.problem)
         if again is fit or again.model.problem.left_out.sum() >= before.sum():
             break
         fit, close = choice.settle(motion.reshaped(again))
@@ -168,9 +167,8 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
             other = first_fits(replace(gathered, problem=replace(gathered.problem, lattice=turned)))[0]
         except np.linalg.LinAlgError:
             continue
-        own, reversed_ = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, other))
         ahead = other.solution.log_likelihood - fit.solution.log_likelihood
-        much = abs(own - reversed_) * reference > MOST_APART * MGAL
+        much = abs(fit.gravity[0] - other.gravity[0]) * reference > MOST_APART * MGAL
         if ahead > DECISIVE and much and motion.is_white(other, other.model.problem.differences):
             raise RefusedError(
                 f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
@@ -186,9 +184,7 @@ def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
     """
     if not any(words.startswith("transverse") for words in fit.model.words):
         return 0.0
-    duration = fit.model.problem.lattice.duration
-    own, other = (mean_gravity(each.solution, duration)[0] for each in (fit, plain))
-    return HALF * abs(own - other)
+    return HALF * abs(fit.gravity[0] - plain.gravity[0])
 
 
 def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:
@@ -227,8 +223,7 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     # a spectrum that meets the other traces better helps the differences a little too
     better = tilted.solution.log_likelihood - fit.solution.log_likelihood
     told, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
-    own, other = (mean_gravity(each.solution, lattice.duration)[0] for each in (fit, tilted))
-    apart = other - own
+    apart = tilted.gravity[0] - fit.gravity[0]
     # kicks follow the differences wherever they go: what they make of all traces is compared
     against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
     much = abs(apart) * reference > MOST_APART * MGAL
@@ -283,8 +278,3 @@ def weighed(
 def law(model: explanation.Model) -> str:
     """The law of restoring in a word."""
     return "sine" if model.assumed.sine else "linear"
-
-
-def fitted(gathered: Gathered) -> list[explanation.Fitted]:
-    """The stated law, or both where none is stated, fitted without other explanations, the likelier first."""
-    return sorted(first_fits(gathered), key=of_the_law, reverse=True)

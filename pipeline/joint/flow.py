@@ -11,12 +11,13 @@ stands in one place alone. Linear pendulums: sin theta -> theta, cos theta -> 1,
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint.ship import Ship
+from pipeline.joint.ship import Component, Ship
 
 POINTS = 4
 NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(POINTS)[0]  # Gauss nodes of a step
@@ -28,7 +29,10 @@ class Flow(NamedTuple):
     """Matrices of one step; p pendulums, d states, 4 nodes."""
 
     step: float  # s
-    sine: bool  # Restoring law; False: linear
+    sine: bool
+    """Restoring law; False: linear. A sine's derivative turns with the swing, and the covariance follows it. (What the
+    ship's motion does to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs
+    by 2 mGal.)"""
     gravity: float  # G of the linear part
     kappa: Floats
     damping: Floats
@@ -62,22 +66,19 @@ class Flow(NamedTuple):
     heaves: bool  # Whether vertical motion that is not recorded acts: what drives it acts within the step too
     drives: int
     """Ways in which noise acts on the pendulums within a step: what drives that motion, noise of a recorded one."""
-    varying: bool
-    """Whether the flow's derivative turns with the swing; the covariance then follows it. (What the ship's motion does
-    to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs by 2 mGal.)"""
 
 
+@lru_cache(maxsize=4)  # trials of breaks and outliers share it
 def flow(
     step: float,
-    kappa: Floats,
-    damping: Floats,
-    kick: Floats,
-    ship: Ship,
-    *,
+    components: tuple[Component, ...],
+    kappa: tuple[float, ...],
+    damping: tuple[float, ...],
+    kick: tuple[float, ...],
+    quadratic: tuple[float, ...],
+    dry: tuple[float, ...],
     gravity: float,
     sine: bool,
-    quadratic: Floats | None = None,
-    dry: Floats | None = None,
     fade: float = 0.0,
     sway: float = 0.0,
     heave_noise: float = 0.0,
@@ -86,18 +87,19 @@ def flow(
 
     Parameters
     ----------
-    kick : (p,) array
+    components : tuple
+        Of the ship's motion.
+    kick : (p,) tuple
         Intensities of the random kicks, rad s-1/2.
     sway : float
         Horizontal acceleration of the support over reference gravity by a pendulum that is a radian aside; a support
         that yields has less than nothing.
-    ship : Ship
 
     All others as in `Flow`.
     """
     from scipy.linalg import expm
 
-    count = kappa.size
+    count, ship = len(kappa), Ship.of(components)
     two, size = 2 * count, 2 * count + ship.drift.shape[0]
     drift, drive = np.zeros((size, size)), np.zeros((size, size))
     drift[two:, two:], drive[two:, two:] = ship.drift, ship.drive
@@ -128,10 +130,10 @@ def flow(
         step=step,
         sine=sine,
         gravity=gravity,
-        kappa=np.asarray(kappa, dtype=np.float64),
-        damping=np.asarray(damping, dtype=np.float64),
-        quadratic=np.zeros(count) if quadratic is None else np.asarray(quadratic, dtype=np.float64),
-        dry=np.zeros(count) if dry is None else np.asarray(dry, dtype=np.float64),
+        kappa=np.array(kappa),
+        damping=np.array(damping),
+        quadratic=np.array(quadratic),
+        dry=np.array(dry),
         fade=fade,
         to_nodes=groups.reshape(-1, size),
         sources=np.stack([groups[some].transpose(1, 0, 2).reshape(-1, size) for some in acting]),
@@ -140,7 +142,7 @@ def flow(
         ahead_to_ends=ends @ transition,
         noise=noise,
         heave_noise=heave_noise,
-        response=_response(step, kappa * gravity, np.asarray(damping)),
+        response=_response(step, gravity * np.array(kappa), damping),
         angles=np.stack([_powers(drift, row - p_row) for row in np.eye(size)[:two:2]]),
         horizontal=horizontal,
         vertical=vertical,
@@ -148,7 +150,6 @@ def flow(
         driven=vertical[:2] @ noise,
         heaves=heaves,
         drives=(2 if heaves else 0) + (POINTS if heave_noise > 0.0 else 0),
-        varying=bool(sine),
     )
 
 
@@ -170,7 +171,7 @@ _AT = _ENDS[:, None] * (0.5 + _POINTS)  # of the integrals to each node and to t
 _LAGRANGE = np.array([p(_AT) / p(node) for p, node in zip(_POLYNOMIALS, NODES, strict=True)])
 
 
-def _response(step: float, stiffness: Floats, damping: Floats) -> Floats:
+def _response(step: float, stiffness: Floats, damping: tuple[float, ...]) -> Floats:
     """Integrals of each pendulum's response to the Lagrange polynomials through the nodes, (p, 5, 4, 2)."""
     since = (_ENDS[:, None] - _AT) * step
     out = np.zeros((stiffness.size, POINTS + 1, POINTS, 2))

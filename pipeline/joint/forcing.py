@@ -17,7 +17,7 @@ FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
 @kernel
 def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
     """All that the steps from node k do beside their linear flow, from what that makes of the path at the nodes."""
-    flow, sources, last = task.flow, task.flow.sources, task.columns.forced.size
+    flow, sources = task.flow, task.flow.sources
     remainder.lay_known(task.known, k, n, steps.nodes)
     remainder.collocate(flow, task.plain, n, steps)
     if joined:
@@ -32,12 +32,9 @@ def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
             np.dot(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
     force_columns(task, k, n, steps)
     if flow.heaves:
-        drive(flow, joined, last + 1, n, steps)
+        drive(flow, joined, task.columns.forced.size + 1, n, steps)
     if flow.heave_noise > 0.0:
         jolt(flow, n, steps)
-    for r in range(steps.extra.shape[0]):
-        for s in range(n):
-            steps.push[last, r, s] = steps.extra[r, s]
 
 
 @kernel

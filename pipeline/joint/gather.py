@@ -44,10 +44,10 @@ class Gathered:
     problem: Problem
     pendulums: tuple[str, ...]  # Labels
     constants: dict[str, Any]  # What /instrument states; see `pipeline.observation.instrument`.
-    noise: Floats  # (t,) stated reading noise, rad; NaN = not stated
+    noise: Floats
+    """(t + 2,) stated of traces, rad, NaN = not stated; of accelerations that are readings, over reference gravity."""
     heave_noise: float
     """White noise of a recording that is interpolated, over reference gravity, times the root of its step, s1/2."""
-    accelerations: Floats  # (2,) noise of recorded accelerations that are readings, over reference gravity
     heave_doubt: float  # 1 sigma of its mean over reference gravity, which gravity shares
     still: tuple[str, ...]  # Traces that stand still for a while, and when, in words
     tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
@@ -117,7 +117,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     sine = known["restoring"] != "linear"
     angle = min(shared_angle(time, each, swing, arc, sine=sine) for each in series) if calm else FAST_ANGLE
     lattice = lay(time, np.concatenate(rows), combination, swing, angle=angle)
-    recorded = slope = np.zeros((0, POINTS))
     spline, doubt = None, 0.0
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
@@ -126,8 +125,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         even = np.arange(since[0], since[-1], np.diff(since).min())
         bias, doubt = _bias(CubicSpline(since, value)(even), white / np.sqrt(even[1] - even[0]))
         spline = CubicSpline(since, value - bias)
-        at = lattice.step * (np.arange(lattice.nodes)[:, None] + NODES)
-        recorded, slope = spline(at), spline(at, 1)
     stated = np.full(series.shape[0], np.nan)
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
@@ -146,8 +143,6 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             lattice,
             frequency**2,
             np.zeros(len(labels)) if damping is None else np.asarray(damping),
-            recorded,
-            slope,
             screening.far_off(lattice.trace, lattice.value, series.shape[0]),
             spline,
             _track(known, all_times, lattice),
@@ -156,9 +151,8 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         ),
         labels,
         known,
-        stated,
+        np.append(stated, accelerations),
         white,
-        accelerations,
         doubt,
         still,
         tilts,

@@ -9,7 +9,6 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import motion
-from pipeline.joint.course import mean_gravity
 from pipeline.joint.explanation import PAYS, Candidate, Fitted, attempted, path_on, priced
 
 SIZES = 8  # each three times the one before
@@ -59,8 +58,7 @@ def noticed(fit: Fitted) -> float:
     """
     problem = fit.model.problem
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * problem.pendulums : 2]))
-    sigma = mean_gravity(fit.solution, problem.lattice.duration)[1]
-    return NOTICED * sigma * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
+    return NOTICED * fit.gravity[1] * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)
 
 
 def alone(fit: Fitted) -> Fitted | None:
@@ -74,8 +72,8 @@ def alone(fit: Fitted) -> Fitted | None:
         for _ in range(SIZES):
             for ship, first in {level: begun, model.assumed.ship: model.begun}.items():
                 assumed = replace(model.assumed, ship=ship, kick=size * which)
-                trial = replace(model, words=(*model.words, "kicks"), assumed=assumed, begun=first)
-                best = max(best, priced(trial, path_on(fit, ship)), key=lambda one: one.value)
+                trial = priced(model.adding("kicks", assumed=assumed, begun=first), path_on(fit, ship))
+                best = max(best, trial, key=lambda one: one.value)
             if best.value == last:
                 break
             last, size = best.value, THRICE * size

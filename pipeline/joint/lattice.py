@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -62,12 +62,6 @@ class Lattice:
         """From the first node to the last, s."""
         return self.step * (self.nodes - 1)
 
-    def until(self, nodes: int) -> Lattice:
-        """Its first nodes alone."""
-        some = slice(0, int(np.searchsorted(self.node, nodes)))
-        own = {name: getattr(self, name)[some] for name in ("node", "trace", "offset", "value")}
-        return replace(self, nodes=nodes, **own)
-
 
 def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE) -> Lattice:
     """Lay series on a lattice.
@@ -122,18 +116,7 @@ WINDOW = 25.0  # s
 FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
 LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
 QUIETEST = 1e-6  # rad: motion below it is none
-BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)  # Harris (1978), Proc. IEEE 66, 51, table 1
-
-
-def blackman_harris(count: int) -> Floats:
-    """The taper of four cosines, (count,); scipy's own, whose module takes half a second to import.
-
-    Examples
-    --------
-    >>> blackman_harris(5).round(4).tolist()
-    [0.0001, 0.2175, 1.0, 0.2175, 0.0001]
-    """
-    return np.asarray(BLACKMAN_HARRIS @ np.cos(np.outer(np.arange(4), np.linspace(0.0, 2.0 * np.pi, count))))
+TAPER = 14.0  # of a Kaiser window, that lets 1e-5 of the swing pass, and 5e-6 four lines off
 
 
 def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine: bool) -> float:
@@ -154,14 +137,12 @@ def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine
     fast = turns > FAST
     if not fast.any():
         return MOST_ANGLE
-    filled, taper, found = CubicSpline(at, value), blackman_harris(rows), []
-    own = np.arange(rows) * step
-    design, inverse = _of_the_swing(own, swing, taper)
+    filled, taper, found = CubicSpline(at, value), np.kaiser(rows, TAPER), []
     for begin in np.arange(at[0], at[-1] - WINDOW, WINDOW):
         low, high = np.searchsorted(at, (begin, begin + WINDOW))
         if high - low > 2 and np.diff(at[low:high]).max() < LEAST_GAP:
-            series = filled(begin + own)
-            found.append(np.abs(np.fft.rfft(taper * (series - design @ (inverse @ series)))[fast]) ** 2)
+            part = filled(begin + step * np.arange(rows))
+            found.append(np.abs(np.fft.rfft(taper * (part - part.mean()))[fast]) ** 2)
     if not found:
         return FAST_ANGLE
     power = np.mean(found, axis=0) / float(taper @ taper)
@@ -171,13 +152,3 @@ def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine
     if np.any(power >= allowed + third * (np.abs(turns[fast] - 3.0) < FAST_LINE)):
         return FAST_ANGLE
     return FINE_ANGLE if sine and float(np.median(power)) < (FINE * arc) ** 2 else MOST_ANGLE
-
-
-def _of_the_swing(own: Floats, swing: float, taper: Floats) -> tuple[Floats, Floats]:
-    """A line, the swing with an amplitude that changes evenly, its third harmonic; and what fits them under a taper."""
-    since = own - own.mean()
-    once, thrice = np.exp(1j * swing * since), np.exp(3j * swing * since)
-    parts = (once.real, once.imag, since * once.real, since * once.imag, thrice.real, thrice.imag)
-    design = np.stack([np.ones(own.size), since, *parts], axis=1)
-    left = taper[:, None] * design
-    return design, np.linalg.pinv(design.T @ left, hermitian=True) @ left.T

@@ -117,7 +117,7 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     def of(assumed: Assumed, cost: float = COMPONENT) -> Candidate:
         found = assumed.ship[-1]
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
-        trial = replace(model, words=(*model.words, words), assumed=assumed)
+        trial = model.adding(words, assumed=assumed)
         candidate = priced(trial, fit.path, cost=cost + ASKEW * (found.axis == "transverse"))
         turn = 0.0 if model.problem.lattice.dense else found.peak * model.problem.lattice.step
         if turn > MOST_TURN or (turn > TURN and candidate.value > fit.solution.log_likelihood + PAYS):
@@ -157,8 +157,8 @@ def with_the_swing(fit: Fitted) -> Iterator[Candidate]:
         for size in NEAR_SIZES:
             line = Engine(swing, width, size, "horizontal")
             assumed = replace(model.assumed, ship=(*model.assumed.ship, line))
-            words = (*model.words, f"horizontal motion at {swing / (2.0 * np.pi):.2f} Hz")
-            yield priced(replace(model, words=words, assumed=assumed), fit.path, cost=COMPONENT)
+            trial = model.adding(f"horizontal motion at {swing / (2.0 * np.pi):.2f} Hz", assumed=assumed)
+            yield priced(trial, fit.path, cost=COMPONENT)
 
 
 def _like_kicks(line: Component, swing: float) -> bool:
@@ -298,8 +298,8 @@ def _steady(fit: Fitted) -> Engine | None:
     turning = path[:, :two:2] - 1j / swing * path[:, 1:two:2]
     product, square = np.zeros(frequency.size, dtype=np.complex128), np.zeros(frequency.size)
     for trace in range(problem.traces):
-        used = (lattice.trace == trace) & np.isfinite(fit.of.whitened)
-        if not used.any():
+        used = fit.used(trace)
+        if not used.size:
             continue
         errors, scale = clipped(fit.of.whitened[used]), float(np.nanmedian(fit.of.scale[used]))
         own = turning[lattice.node[used]] @ lattice.combination[trace] * np.exp(1j * swing * lattice.offset[used])

@@ -9,14 +9,14 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus
 from pipeline.joint.constants import Constants, is_mode
-from pipeline.joint.explanation import Fitted, Model, attempted, grown, priced, shifted
-from pipeline.joint.problem import Assumed, Problem
+from pipeline.joint.explanation import BROKEN, OUTLIER, Fitted, Model, attempted, grown, likelier, priced, shifted
+from pipeline.joint.problem import Problem
 from pipeline.joint.ship import Vibration
 
 COARSE_GATE = 100.0  # deviations, of a pass whose errors' scale is not known yet
 MOST_OVER = 0.3  # share of the readings over a gate above which the gate is at fault
 MOST_REJECTED = 0.4  # share of the readings: so many are not rejected
-BROKEN, STEPPED = 200.0, 30.0  # in log-likelihood, that a pendulum which was knocked, and a step, must be worth
+STEPPED = 30.0  # in log-likelihood, that a step must be worth
 LINKED, LEAST_BURST, BURST_SHARE = 0.5, 3, 0.4  # s between readings that are doubted together; fewer are rejected
 MOST_CLUSTERS = 60
 BURST = 1.0  # s on either side, at most, in which all are doubted
@@ -24,7 +24,6 @@ LONGEST = 20.0  # s of readings that are doubted together
 HARDLY = 1e-6  # s before the first reading that shows a step
 TURNS = Vibration(0.1, 1e-2)  # a turn or a change of speed, which a rough start does not allow for
 LASTING = 8.0  # s on either side that a doubt is decided by
-OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 GATE = 7.0  # deviations beyond which a reading is left out
 NEIGHBOUR = 0.3  # of its error: those beside a single reading that lies far off
 MOST_FITS = 4
@@ -47,27 +46,17 @@ def isolated(rough: Fitted) -> bool:
     return False
 
 
-def smoothed(
-    problem: Problem,
-    assumed: Assumed,
-    constants: Constants,
-    about: Floats,
-    first_gate: float = COARSE_GATE,
-    most: int = MOST_FITS,
-) -> Fitted:
+def smoothed(model: Model, about: Floats, gate: float = COARSE_GATE, most: int = MOST_FITS) -> Fitted:
     """Gauss-Newton on the whole path; breaks and outliers that show on the way are allowed for."""
-    gate = first_gate
     for _ in range(most):
-        about = grown(about, problem.pendulums, assumed.ship) if about.size else about
-        solution, of, about = problem.fit(assumed, constants, about=about, gate=gate)
-        before, constants, gate = constants, solution.constants, GATE * deviation(of.errors)
-        model = Model((), assumed, constants, problem, assumed.ship)
-        kept = contested(model, about, of.errors, gate) if most > 1 else model
-        fit = Fitted(kept, solution, about, of, before)
-        if kept is model and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
+        about = grown(about, model.problem.pendulums, model.assumed.ship) if about.size else about
+        solution, of, about = model.problem.fit(model.assumed, model.constants, about=about, gate=gate)
+        before, gate = model.constants, GATE * deviation(of.errors)
+        found = replace(model, constants=solution.constants)
+        model = contested(found, about, of.errors, gate) if most > 1 else found
+        if model is found and np.all(np.abs(solution.step) < np.sqrt(np.diag(solution.covariance))):
             break
-        problem, assumed, constants = kept.problem, kept.assumed, kept.constants
-    return fit
+    return Fitted(model, solution, about, of, before)
 
 
 def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
@@ -129,9 +118,9 @@ def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
     return replace(model, problem=replace(problem, left_out=rejected), assumed=assumed, constants=constants)
 
 
-def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
-    """A model fitted, what was left out or knocked by what was assumed before decided anew; or the fit before."""
-    path = grown(begun.path, problem.pendulums, model.assumed.ship)
+def reconsidered(begun: Fitted, problem: Problem) -> Fitted:
+    """What was left out or knocked by what was assumed before, decided anew and fitted; or the fit before."""
+    model, path = begun.model, grown(begun.path, problem.pendulums, begun.model.assumed.ship)
     for node in {node for node, _ in model.assumed.breaks}:
         span = stretch(problem, node, node)
         here = replace(model, constants=shifted(model.constants, path, span[0]))
@@ -145,23 +134,7 @@ def reconsidered(model: Model, begun: Fitted, problem: Problem) -> Fitted:
         before, model = model, contested(model, path, of.errors, GATE * deviation(of.errors))
         if model is before:
             break
-    return better(model, begun)
-
-
-def better(model: Model, fit: Fitted) -> Fitted:
-    """A model fitted about the path of a fit, or that fit where it stands higher."""
-    found = attempted(model, fit.path)
-    return fit if found is None else max(found, fit, key=standing)
-
-
-def standing(fit: Fitted) -> float:
-    """Log-likelihood of all readings, those left out included: rejected ones fall anywhere."""
-    return fit.solution.log_likelihood + OUTLIER * float(fit.model.problem.left_out.sum()) - _knocked(fit)
-
-
-def _knocked(fit: Fitted) -> float:
-    """What pendulums that were knocked must be worth, in log-likelihood."""
-    return BROKEN * len({node for node, _ in fit.model.assumed.breaks})
+    return likelier(begun, attempted(model, begun.path))
 
 
 def of_the_law(fit: Fitted) -> float:
@@ -172,7 +145,7 @@ def of_the_law(fit: Fitted) -> float:
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
     rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))
-    rejected -= _knocked(fit)
+    rejected -= fit.knocked
     return rejected - float(np.nansum(np.log(of.scale[some]) + 0.5 * of.whitened[some] ** 2, dtype=np.float64))
 
 

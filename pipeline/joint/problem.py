@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from pipeline.joint.constants import Constants, Solution
 from pipeline.joint.flow import NODES, POINTS, Flow, flow
 from pipeline.joint.lattice import Lattice
 from pipeline.joint.ship import Component, Ship
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 NONE2, NONE3 = np.zeros((0, 0)), np.zeros((0, 0, 0))
 NO_PATH = NONE2.astype(np.float32)
@@ -49,11 +52,9 @@ class Problem:
     lattice: Lattice
     kappa: Floats
     damping: Floats  # (p,) n^2 at reference gravity, s-2; stated damping rates, s-1
-    recorded: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
-    """(k, 4) recorded heave over reference gravity at the nodes of each step; empty: not recorded, or a reading."""
-    slope: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))  # (k, 4) its derivative with time
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (r,) readings that are not used
-    heave: Callable[[Floats], Floats] | None = None  # The same recording at any times since the first node, s
+    heave: CubicSpline | None = None
+    """Recorded heave over reference gravity by s since the first node; none: not recorded, or a reading."""
     track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty:
     none."""
@@ -87,15 +88,23 @@ class Problem:
         """Whether readings are so far apart that sidebands of the swing lie upon each other."""
         return self.lattice.interval * self.swing > SPARSE
 
-    def until(self, nodes: int) -> Problem:
-        """The first nodes alone."""
-        lattice = self.lattice.until(nodes)
-        known = {name: getattr(self, name)[:nodes] for name in ("recorded", "slope", "track")}
-        return replace(self, lattice=lattice, left_out=self.left_out[: lattice.node.size], **known)
+    @cached_property
+    def instants(self) -> Floats:
+        """Times of the nodes of each step since the first node, s, (k, 4)."""
+        return np.asarray(self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES))
+
+    @cached_property
+    def recorded(self) -> list[Floats]:
+        """The recorded heave and its derivative with time there; (0, 4) without one."""
+        return [np.zeros((0, POINTS)) if self.heave is None else self.heave(self.instants, k) for k in (0, 1)]
 
     def leaves_heave_open(self, sine: bool) -> bool:
         """Whether vertical motion acts under a law, and no recording says how."""
-        return sine and not self.recorded.size
+        return sine and self.heave is None
+
+    def reading(self, value: Floats) -> Problem:
+        """The same with other values of the readings, (r,)."""
+        return replace(self, lattice=replace(self.lattice, value=value))
 
     @property
     def differences(self) -> list[int]:
@@ -116,12 +125,12 @@ class Problem:
         rate = np.abs(self.damping + damping) / np.sqrt(self.kappa)
         if gravity < LEAST or np.any(self.gain(constants) < LEAST - 1.0) or np.any(rate > MOST_DAMPED):
             raise np.linalg.LinAlgError("nothing swings, or is read, under the constants that would be")
-        arrays = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
+        of_each = self.kappa * (1.0 + ratio), self.damping + damping, assumed.kick, quadratic, dry
         fade = sum(c.value for c in constants if c.kind == kinds.FADE)
         fade += max((c.centre for c in constants if c.kind == kinds.DRY), default=0.0)
         sway = float(unknown.total(constants, kinds.SWAY, 1)[0])
-        numbers = self.lattice.step, gravity, assumed.sine, fade, sway, assumed.heave_noise
-        return _flow(assumed.ship, tuple(tuple(each.tolist()) for each in arrays), *numbers)
+        numbers = gravity, assumed.sine, fade, sway, assumed.heave_noise
+        return flow(self.lattice.step, assumed.ship, *(tuple(each.tolist()) for each in of_each), *numbers)
 
     def gain(self, constants: Constants) -> Floats:
         """Error of the scale of each trace, and of the accelerations."""
@@ -175,17 +184,16 @@ class Problem:
         course = [each for each in constants if each.kind == kinds.GRAVITY and each.width > 0.0 and each.value]
         scale = 1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])
         late = float(unknown.total(constants, kinds.HEAVE_DELAY, 1)[0])
-        recorded = self.recorded if sine else np.zeros((0, POINTS))
-        if not course and not self.track.size and (not recorded.size or (scale == 1.0 and late == 0.0)):
-            return recorded
-        at: Floats = self.lattice.step * (np.arange(self.lattice.nodes)[:, None] + NODES)
-        out: Floats = np.zeros_like(at)
-        if recorded.size:
-            out += scale * (self.heave(at + late) if late and self.heave else recorded + late * self.slope)
+        heave = self.heave if sine else None
+        if not course and not self.track.size and heave is None:
+            return np.zeros((0, POINTS))
+        out: Floats = np.zeros_like(self.instants)
+        if heave is not None:
+            out += scale * (heave(self.instants + late) if late else self.recorded[0])
         if self.track.size:
             out += self.track
         for each in course:
-            out += each.value * unknown.spline(at, each)
+            out += each.value * unknown.spline(self.instants, each)
         return out
 
     def run(
@@ -285,8 +293,8 @@ class Problem:
             readings=self.readings(assumed, constants),
             columns=unknown.columns(constants),
             known=known,
-            recorded=self.recorded[felt],
-            slope=self.slope[felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
+            recorded=self.recorded[0][felt],
+            slope=self.recorded[1][felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about,
             breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
             gate=gate,
@@ -307,24 +315,6 @@ class Problem:
             trace, value = readings.trace[some][used], readings.value[some][used]
             of.totals[0] += np.sum(np.log1p(gain[trace]) + np.log1p(3.0 * cubic * value**2 * (trace < self.traces)))
         return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
-
-
-@lru_cache(maxsize=4)  # trials of breaks and outliers share it
-def _flow(
-    ship: tuple[Component, ...],
-    arrays: tuple[tuple[float, ...], ...],
-    step: float,
-    gravity: float,
-    sine: bool,
-    fade: float,
-    sway: float,
-    heave_noise: float,
-) -> Flow:
-    kappa, damping, kick, quadratic, dry = map(np.array, arrays)
-    return flow(
-        step, kappa, damping, kick, Ship.of(ship), gravity=gravity, sine=sine, quadratic=quadratic, dry=dry, fade=fade,
-        sway=sway, heave_noise=heave_noise,
-    )  # fmt: skip
 
 
 def _go(task: passes.Task, begin: int, end: int, of: passes.Pass, keep: passes.Kept) -> None:

@@ -11,12 +11,13 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.conditions import MGAL
 from pipeline.joint import apparatus, budget
-from pipeline.joint.course import mean_gravity, weights
+from pipeline.joint.course import weights
 from pipeline.joint.explanation import Fitted, angles
 from pipeline.joint.fit import Outcome, reduce
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Ship
 from pipeline.ledger import earth
+from pipeline.ledger.own import CASE_TILT
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Estimate, Prepared
 from pipeline.reduction import Reduction, flags, gravity
@@ -54,7 +55,7 @@ class Joint:
         solution, lattice = outcome.fit.solution, outcome.fit.model.problem.lattice
         rows = weights(solution.constants, np.clip(time - lattice.start, 0.0, lattice.duration))
         values = np.array([each.value for each in solution.constants])
-        own, sigma = mean_gravity(solution, lattice.duration)
+        own, sigma = outcome.fit.gravity
         band = np.einsum("ij,jk,ik->i", rows, solution.covariance, rows)
         # what explanations that stay close add to the variance of the mean, they add to that of each instant
         band = (band + max(outcome.sigma**2 - sigma**2, 0.0)) * outcome.spread**2
@@ -125,7 +126,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         sigma=0.5 * frequency * outcome.sigma * outcome.spread / outcome.mean,
         noise=float(model.assumed.noise[trace]),
         damping_rate=float(damping[second]),
-        samples=int(model.problem.lattice.node.size - outcome.left_out),
+        samples=int(np.sum(~model.problem.left_out)),
         acceleration_reduced=model.assumed.sine,
         of_mean=True,
         parts=budget.parts(fit, reference) | _tilt(record, gathered, fit, one),
@@ -157,7 +158,9 @@ def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict
         tilt = np.interp(nodes, time[known], values[known])
     else:
         return {}
-    return budget.of_tilt(fit.path[:, 2 * first], tilt, float(gathered.constants["reference_gravity"]))
+    reference, angle = float(gathered.constants["reference_gravity"]), fit.path[:, 2 * first]
+    value = -0.5 * reference * float(np.mean(2.0 * angle * tilt - tilt**2)) / MGAL
+    return {CASE_TILT.NAME: (value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}
 
 
 def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:

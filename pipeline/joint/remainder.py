@@ -50,7 +50,7 @@ class Steps(NamedTuple):
 def room_for(flow: Flow, forced: int, n: int) -> Steps:
     """Room for n steps."""
     count, size, two = flow.kappa.size, flow.noise.shape[0], 2 * flow.kappa.size
-    weight = np.zeros((count, 2, POINTS, n))
+    weight, push = np.zeros((count, 2, POINTS, n)), np.zeros((forced + 1 + flow.drives, two, n))
     for i in range(count):
         for r in range(2):
             for m in range(POINTS):
@@ -59,8 +59,8 @@ def room_for(flow: Flow, forced: int, n: int) -> Steps:
     return Steps(
         np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
         np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
-        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), np.zeros((two, n)),
-        np.zeros((forced + 1 + flow.drives, two, n)), np.zeros((2 * POINTS, n)),
+        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), push[forced], push,
+        np.zeros((2 * POINTS, n)),
     )  # fmt: skip
 
 

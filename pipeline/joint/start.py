@@ -10,14 +10,14 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kinds, motion, outliers
 from pipeline.joint.constants import Constant, Constants, starts
-from pipeline.joint.explanation import Fitted, Model, attempted, fitted
+from pipeline.joint.explanation import Fitted, Model, attempted, fitted, likelier
 from pipeline.joint.gather import Gathered
-from pipeline.joint.outliers import GATE, better, deviation, isolated, of_the_law, reconsidered, smoothed, standing
+from pipeline.joint.outliers import GATE, deviation, isolated, of_the_law, reconsidered, smoothed
 from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
-EARTH = 0.004  # 1 sigma of gravity over reference gravity in a cold start
+EARTH, EXACT = 0.004, 1e-15  # 1 sigma of gravity over reference gravity in a cold start; of what is held
 DAMPING, DIFFERENCE = 1e-3, 1e-4  # s-1: 1 sigma of an unstated rate, and of its difference between pendulums
 SHARE, LEAST_DIFFERENCE = 0.3, 1e-9  # 1 sigma of that difference over the rate, when this is known; s-1
 WIDE = 2.0  # 1 sigma of a pendulum's start over the largest readings
@@ -35,12 +35,12 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
     """Follow the swing under a law from a cold start; and the one that even, sparse times show as well."""
     problem = gathered.problem
     stated = np.where(np.isfinite(gathered.noise), gathered.noise, UNSTATED)
-    noise = np.append(np.maximum(stated, LEAST_NOISE), gathered.accelerations)
     ship: tuple[Component, ...] = GENEROUS
     if problem.leaves_heave_open(sine):
         ship = (*ship, replace(GENEROUS[0], axis="vertical"))
     if gathered.tilts:
         ship = (*ship, replace(GENEROUS[0], axis="tilt"))
+    noise = np.maximum(stated, LEAST_NOISE)
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
     rough = _cold_start(problem, assumed, _first_constants(gathered))
     others = _mirrored(rough)
@@ -48,7 +48,7 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
 
 
 def first_fits(gathered: Gathered) -> list[Fitted]:
-    """Fit the stated law, or both where none is stated, in any order.
+    """Fit the stated law, or both where none is stated, without other explanations; the likelier first.
 
     Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
     left out, pendulums knocked, and all parameters of the ship sought. A law that is far behind from the cold start on
@@ -75,11 +75,11 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     found = [_with_difference(fit) for fit in fits if fit is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
-    return found
+    return sorted(found, key=of_the_law, reverse=True)
 
 
 def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:
-    return max((fit for fit in fits if fit is not None), key=standing, default=None)
+    return max((fit for fit in fits if fit is not None), key=lambda fit: fit.standing, default=None)
 
 
 def _with_difference(fit: Fitted) -> Fitted:
@@ -109,11 +109,10 @@ def _first_constants(gathered: Gathered) -> Constants:
     return tuple(found)
 
 
-def _held(constants: Constants, gravity: float | None = None) -> Constants:
-    """Damping held where it is, and gravity too, or within some 1 sigma of its prior."""
-    stiff = (kinds.DAMPING, kinds.GRAVITY) if gravity is None else (kinds.DAMPING,)
-    held = (replace(c, prior=1e-15, mean=c.value) if c.kind in stiff else c for c in constants)
-    return tuple(replace(c, prior=gravity) if gravity and c.kind == kinds.GRAVITY else c for c in held)
+def _held(constants: Constants, gravity: float = EXACT) -> Constants:
+    """Damping held where it is, gravity within some 1 sigma of its prior."""
+    held = (replace(c, prior=EXACT, mean=c.value) if c.kind == kinds.DAMPING else c for c in constants)
+    return tuple(replace(c, prior=gravity) if c.kind == kinds.GRAVITY else c for c in held)
 
 
 def _freed(constants: Constants, like: Constants) -> Constants:
@@ -135,26 +134,25 @@ def _cold_start(problem: Problem, assumed: Assumed, first: Constants) -> Fitted:
     between = float(np.median(np.diff(np.unique(problem.lattice.node)))) * step * problem.swing
     for number, seconds in enumerate(STAGES if between < SPARSE else STAGES[1:]):
         end = int(min(nodes, np.ceil(seconds / step)))
-        part = problem.until(end)
         rough = replace(still, noise=np.maximum(assumed.noise, size * COARSE / 5.0 ** min(number, 2)))
         if number == 0:
             easy = replace(rough, sine=False, noise=np.maximum(rough.noise, size))
-            constants = _freed(part.run(easy, _held(constants))[0].constants, first)
-        constants, errors = _followed(part, rough, _held(constants, EARTH))
+            constants = _freed(problem.run(easy, _held(constants), span=(0, end))[0].constants, first)
+        constants, errors = _followed(problem, rough, _held(constants, EARTH), end)
         constants = _freed(constants, first)
         if end == nodes:
             break
     # what shakes one trace all along is no outlier
-    scatter = [deviation(errors[part.lattice.trace == j]) for j in range(rough.noise.size)]
+    scatter = [deviation(errors[own]) for own in problem.lattice.of_trace]
     rough = replace(rough, kick=assumed.kick + ROUGH_KICK, noise=rough.noise * scatter)
-    return smoothed(problem, rough, _held(constants, EARTH), NO_PATH, 2.0 * GATE, most=1)
+    return smoothed(Model((), rough, _held(constants, EARTH), problem, rough.ship), NO_PATH, 2.0 * GATE, most=1)
 
 
-def _followed(problem: Problem, assumed: Assumed, constants: Constants) -> tuple[Constants, Floats]:
-    """Gauss-Newton without readings far off as long as they are few; and all errors, (r,)."""
+def _followed(problem: Problem, assumed: Assumed, constants: Constants, end: int) -> tuple[Constants, Floats]:
+    """Gauss-Newton on the first nodes without readings far off as long as they are few; and all errors, (r,)."""
     gate = outliers.COARSE_GATE
     for _ in range(outliers.MOST_FITS):
-        solution, of = problem.run(assumed, constants, gate=gate)
+        solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
         share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
         gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
         constants = solution.constants
@@ -165,8 +163,7 @@ def _followed(problem: Problem, assumed: Assumed, constants: Constants) -> tuple
 
 def _again(rough: Fitted) -> Fitted:
     """The same about its own path, to the end; outliers and breaks show on the way."""
-    model = rough.model
-    return smoothed(model.problem, model.assumed, model.constants, rough.path, GATE * deviation(rough.of.errors))
+    return smoothed(rough.model, rough.path, GATE * deviation(rough.of.errors))
 
 
 def _mirrored(rough: Fitted) -> list[Fitted]:
@@ -184,7 +181,7 @@ def _mirrored(rough: Fitted) -> list[Fitted]:
         factor**2 if c.kind == kinds.GRAVITY else -factor if s else 1.0 for c, s in zip(constants, speeds, strict=True)
     ]
     constants = tuple(replace(c, value=c.value * each) for c, each in zip(constants, by, strict=True))
-    return [smoothed(model.problem, model.assumed, constants, NO_PATH)]
+    return [smoothed(replace(model, constants=constants), NO_PATH)]
 
 
 def _plain(gathered: Gathered, rough: Fitted) -> Fitted | None:
@@ -206,10 +203,9 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
     open_heave = model.problem.leaves_heave_open(model.assumed.sine)
     ship = (motion.heaving(rough, model.assumed) if open_heave else model.assumed).ship
     # pendulums that wander: friction, or gravity that changes, is not to be taken for outliers
-    wandering, best = replace(model.assumed, ship=ship, kick=none + KICK), rough
+    wandering = replace(model.assumed, ship=ship, kick=none + KICK)
     try:
-        best = smoothed(model.problem, wandering, model.constants, rough.path)
-        best = reconsidered(replace(best.model, begun=ship), best, problem)
+        best = reconsidered(smoothed(replace(model, assumed=wandering), rough.path), problem)
         model = best.model
     except np.linalg.LinAlgError:
         best = rough
@@ -220,7 +216,7 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
         return None
     fit = fits[0]
     for _ in range(AGAIN):  # less noise shows more that lies far off
-        fit = motion.reshaped(reconsidered(fit.model, fit, problem))
+        fit = motion.reshaped(reconsidered(fit, problem))
         if np.nanmax(np.abs(fit.of.whitened)) < GATE:
             break
     return fit
@@ -248,7 +244,7 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if best is None:
         return None
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):
-        kicked = better(replace(model, assumed=motion.kicked(fit)), best)
+        kicked = likelier(best, attempted(replace(model, assumed=motion.kicked(fit)), best.path))
         if kicked is not best and (open_heave or np.nanmax(np.abs(kicked.of.whitened)) < GATE):
             return fit, kicked
     best = motion.reshaped(best)
@@ -257,6 +253,5 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
 
 def _spectral(model: Model, rough: Fitted, gathered: Gathered) -> Model:
     """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
-    stated = np.maximum(np.append(gathered.noise, gathered.accelerations), LEAST_NOISE)
-    begun = motion.first(rough, stated)
+    begun = motion.first(rough, np.maximum(gathered.noise, LEAST_NOISE))
     return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)

@@ -126,8 +126,7 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     if level <= 0.0:
         return 0.0, 0.0
     track = (level * hidden)[:, None] + (problem.track if problem.track.size else np.zeros(1))
-    values = np.array([each.value for each in fit.solution.constants])
-    whole = float(gravity @ (_refitted(fit, replace(problem, track=track)) - values))
+    whole = _change(fit, gravity, replace(problem, track=track))
     change = changes.sum(axis=0)
     missed = float(change[~inside].mean() - change[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
@@ -142,12 +141,10 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
     exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own]))
     exact += total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
     step = problem.steps[trace]
-    values = []
-    for readings in (np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact), exact):
-        value = lattice.value.copy()
-        value[own] = readings
-        values.append(_refitted(fit, replace(problem, lattice=replace(lattice, value=value))))
-    return float(gravity @ (values[0] - values[1]))
+    rounded, smooth = lattice.value.copy(), lattice.value.copy()
+    rounded[own] = np.where(step > 0.0, np.rint(exact / np.maximum(step, 1e-300)) * step, exact)
+    smooth[own] = exact
+    return _change(fit, gravity, problem.reading(rounded)) - _change(fit, gravity, problem.reading(smooth))
 
 
 def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
@@ -157,10 +154,9 @@ def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
     onto the swing: the second and the third may each be as large as the noise.
     """
     problem, lattice, model = fit.model.problem, fit.model.problem.lattice, fit.model
-    values = np.array([each.value for each in fit.solution.constants])
     square = 0.0
     for trace in range(problem.traces):
-        own = np.flatnonzero((lattice.trace == trace) & np.isfinite(fit.of.whitened))
+        own = fit.used(trace)
         if not own.size or lattice.spacing[trace] * problem.swing * ALIASED < np.pi:
             continue
         _, turn = swing_of(fit, trace, own)
@@ -168,12 +164,12 @@ def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
             for part in (wave.real, wave.imag):
                 value = lattice.value.copy()
                 value[own] += model.assumed.noise[trace] * part
-                moved = replace(problem, lattice=replace(lattice, value=value))
-                square += float(gravity @ (_refitted(fit, moved) - values)) ** 2
+                square += _change(fit, gravity, problem.reading(value)) ** 2
     return float(np.sqrt(square))
 
 
-def _refitted(fit: Fitted, problem: Problem) -> Floats:
-    """Values of the constants, (c,), where the same model is fitted to another problem."""
+def _change(fit: Fitted, gravity: Floats, problem: Problem) -> float:
+    """Of gravity, where the same model is fitted to another problem; `gravity` as above."""
     found = fitted(replace(fit.model, problem=problem), fit.path, most=1)
-    return np.array([each.value for each in found.solution.constants])
+    pairs = zip(found.solution.constants, fit.solution.constants, strict=True)
+    return float(gravity @ [one.value - other.value for one, other in pairs])

@@ -61,10 +61,7 @@ def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats
     """
     from scipy.fft import next_fast_len, rfft
 
-    lattice = fit.model.problem.lattice
-    used = lattice.of_trace[trace]
-    known = np.isfinite(fit.of.whitened[used])
-    used = used if known.all() else used[known]
+    lattice, used = fit.model.problem.lattice, fit.used(trace)
     if used.size < LEAST_READINGS:
         return np.zeros(0), np.zeros(0), used
     time, step = lattice.time[used], lattice.spacing[trace]

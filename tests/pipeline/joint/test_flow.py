@@ -8,15 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
+from scipy.interpolate import CubicSpline
 
 from pipeline.joint import filtering, kinds, remainder
 from pipeline.joint.constants import Constant, starts
 from pipeline.joint.flow import NODES, flow
-from pipeline.joint.lattice import lay
+from pipeline.joint.lattice import Lattice, lay
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Engine, Sea, Ship, Vibration, density
 
 KAPPA, DAMPING = np.array([38.7, 38.69]), np.array([1e-3, 2e-3])
+PAIR = (tuple(KAPPA), tuple(DAMPING), *[(0.0, 0.0)] * 3)  # without kicks and friction
 SHIP: tuple[Component, ...] = (Sea(0.7, 0.1, 0.02), Vibration(6.0, 1e-3), Sea(0.9, 0.1, 0.03, "vertical"))
 
 
@@ -33,6 +35,11 @@ def heave(time: np.ndarray) -> np.ndarray:
     return 0.02 * np.cos(0.8 * np.asarray(time) + 0.3)
 
 
+def recording(lattice: Lattice) -> CubicSpline:
+    time = np.arange(-1.0, lattice.duration + 1.0, 0.01)
+    return CubicSpline(time, heave(lattice.start + time))
+
+
 @pytest.mark.parametrize("sine", [False, True])
 @pytest.mark.parametrize("step", [0.04, 0.1])
 @pytest.mark.parametrize("rough", [0.0, 3e-3])
@@ -40,8 +47,7 @@ def test_steps_follow_the_printed_equations(sine: bool, step: float, rough: floa
     time = step * np.arange(60)
     lattice = lay(time, np.zeros((1, 60)), np.array([[1.0, 0.0]]), 6.2)
     nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
-    at = nodes[:, None] + lattice.step * NODES
-    problem = Problem(lattice, KAPPA, DAMPING, recorded=heave(at), slope=0.0 * at)
+    problem = Problem(lattice, KAPPA, DAMPING, heave=recording(lattice))
     begin = np.array([0.05, 0.2, -0.04, 0.1])
     constants = (
         *begun(2, begin),
@@ -106,7 +112,7 @@ def test_the_sea_vanishes_at_zero_frequency_as_the_fourth_power() -> None:
 
 def test_process_noise_keeps_the_stationary_covariance() -> None:
     ship = Ship.of(SHIP)
-    step = flow(0.1, KAPPA, DAMPING, np.zeros(2), ship, gravity=1.0, sine=False)
+    step = flow(0.1, SHIP, *PAIR, gravity=1.0, sine=False)
     transition = step.ahead[4:, 4:]
     again = transition @ ship.stationary @ transition.T + step.noise[4:, 4:]
     scale = np.sqrt(np.outer(np.diag(ship.stationary), np.diag(ship.stationary)))
@@ -114,9 +120,8 @@ def test_process_noise_keeps_the_stationary_covariance() -> None:
 
 
 def test_kicks_add_their_variance() -> None:
-    kick = np.array([1e-5, 0.0])
-    quiet = flow(0.05, KAPPA, DAMPING, np.zeros(2), Ship.of(SHIP), gravity=1.0, sine=False)
-    loud = flow(0.05, KAPPA, DAMPING, kick, Ship.of(SHIP), gravity=1.0, sine=False)
+    quiet = flow(0.05, SHIP, *PAIR, gravity=1.0, sine=False)
+    loud = flow(0.05, SHIP, *PAIR[:2], (1e-5, 0.0), *PAIR[3:], gravity=1.0, sine=False)
     # d theta' = n k dW over a short step
     assert (loud.noise - quiet.noise)[1, 1] == pytest.approx(KAPPA[0] * 1e-10 * 0.05, rel=0.05)
     assert np.abs((loud.noise - quiet.noise)[2:]).max() == 0.0
@@ -133,8 +138,7 @@ def test_readings_off_the_nodes_are_exact_under_heave() -> None:
 
     done = solve_ivp(slope, (0.0, time[-1]), [0.02, 0.0], dense_output=True, rtol=1e-12, atol=1e-15, max_step=0.02)
     angles = done.sol(time)[0]
-    at = nodes[:, None] + lattice.step * NODES
-    problem = Problem(replace(lattice, value=angles), KAPPA[:1], np.zeros(1), recorded=heave(at), slope=0.0 * at)
+    problem = Problem(replace(lattice, value=angles), KAPPA[:1], np.zeros(1), heave=recording(lattice))
     constants = (
         *begun(1, done.sol(lattice.start)),
         Constant("gravity", kinds.GRAVITY, 1e-12, mean=1.0, value=1.0),
@@ -156,7 +160,7 @@ def test_remainder_within_a_step_follows_the_path_to_its_end() -> None:
         return np.array([state[1], -kappa[0] * pull])
 
     done = solve_ivp(slope, (0.0, step), [0.05, 0.1], dense_output=True, rtol=1e-12, atol=1e-15).sol
-    one = flow(step, kappa, np.zeros(1), np.zeros(1), Ship.of((Vibration(18.0, size),)), gravity=1.0, sine=True)
+    one = flow(step, (Vibration(18.0, size),), (kappa[0],), *[(0.0,)] * 4, gravity=1.0, sine=True)
     phases = turning * np.array([0.0, step])
     ship = size * np.stack([np.sin(phases), turning * np.cos(phases), -(turning**2) * np.sin(phases)])
     about = np.ascontiguousarray(np.concatenate([done(np.array([0.0, step])), ship]).T)

@@ -12,8 +12,8 @@ from test_method import in_sigmas, record
 from pipeline import process, summaries
 from pipeline.joint import film_errors
 from pipeline.joint.course import mean_row
-from pipeline.joint.fit import fitted
 from pipeline.joint.gather import gather
+from pipeline.joint.start import first_fits
 from pipeline.joint.unfollowed import doubt_by_repeating
 
 pytestmark = pytest.mark.compiled
@@ -48,7 +48,7 @@ def test_they_are_taken_off_and_leave_gravity() -> None:
 
 def test_their_size_is_what_was_added() -> None:
     made, _ = record(recording=RATE, motion=[], duration=900.0)
-    fit = film_errors.without_repeating(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    fit = film_errors.without_repeating(first_fits(gather(with_harmonics(made, 6e-7)))[0])
     expected = 6e-7 * np.sqrt(0.5 * (1.0 + 1.0 + 0.25))
     np.testing.assert_allclose(fit.model.problem.repeating, expected, rtol=0.1)
 
@@ -60,14 +60,14 @@ def test_their_size_is_what_was_added() -> None:
 )
 def test_nothing_is_taken_off(recording: dict[str, float], size: float) -> None:
     made, _ = record(recording=recording, motion=[], duration=900.0)
-    fit = fitted(gather(with_harmonics(made, size)))[0]
+    fit = first_fits(gather(with_harmonics(made, size)))[0]
     assert film_errors.without_repeating(fit) is fit
 
 
 def test_a_third_harmonic_may_be_the_optics() -> None:
     """The doubt is what a cubic error of the same third harmonic makes of gravity, by the arc: A^2/8 and 3 c A^2/4."""
     made, _ = record(recording=RATE, motion=[], duration=900.0)
-    fit = film_errors.without_repeating(fitted(gather(with_harmonics(made, 6e-7)))[0])
+    fit = film_errors.without_repeating(first_fits(gather(with_harmonics(made, 6e-7)))[0])
     amplitude, third = 0.012, 6e-7
     arc = 2.0 * amplitude**2 / 8.0 * 3.0 * third / amplitude
     assert arc < film_errors.doubt_by_optics(fit) < 2.5 * arc
@@ -81,7 +81,7 @@ def test_at_marks_what_repeats_with_the_swing_is_in_sigma(duration: float, least
     made["film"] = xr.DataTree(xr.Dataset())
     found = summaries(process(made, method="joint"))[0]
     assert abs(in_sigmas(found, gravity)) < 3.0
-    fit = fitted(gather(made))[0]
+    fit = first_fits(gather(made))[0]
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     doubt = doubt_by_repeating(fit, row) * gravity / 1e-5
     assert least < doubt < most

@@ -14,8 +14,8 @@ from pipeline import process, summaries
 from pipeline.joint import kinds
 from pipeline.joint.constants import is_mode
 from pipeline.joint.film_errors import with_clock
-from pipeline.joint.fit import fitted
 from pipeline.joint.gather import gather
+from pipeline.joint.start import first_fits
 
 pytestmark = pytest.mark.compiled
 SIGMA, PERIOD, LASTS = 1e-4, 70.0, 10.0  # s
@@ -51,7 +51,7 @@ def test_time_errors_are_weighed_by_what_is_stated_of_them() -> None:
     """The known wander is found, to its own uncertainty, and bears the record's spectral density."""
     made, _ = with_wander(1.5)
     problem = gather(made).problem
-    fit = with_clock(fitted(gather(made))[0])
+    fit = with_clock(first_fits(gather(made))[0])
     modes = [each for each in fit.solution.constants if is_mode(each)]
     times = np.linspace(0.0, problem.lattice.duration, 200)
     found = sum(each.value * np.cos(each.width * times) for each in modes)
@@ -68,7 +68,7 @@ def test_what_is_left_of_a_step_of_the_paper_is_found() -> None:
     made = changed(made, "elongation", lambda time, value: value + left * (time >= at))
     made["film"].attrs["paper_steps"] = np.array([at])
     gathered = gather(made)
-    sizes = [each.value for each in fitted(gathered)[0].solution.constants if each.kind == kinds.STEP]
+    sizes = [each.value for each in first_fits(gathered)[0].solution.constants if each.kind == kinds.STEP]
     assert gathered.problem.paper_steps == pytest.approx((at - gathered.problem.lattice.start,))
     assert sizes == pytest.approx([left] * gathered.problem.traces, rel=0.1)
     assert abs(in_sigmas(summaries(process(made, method="joint"))[0], gravity)) < 3.5
@@ -84,7 +84,7 @@ def test_noise_of_marks_that_is_not_stated_is_taken_to_last_seconds() -> None:
 def test_without_stated_times_no_errors_are_sought() -> None:
     made, _ = with_wander(0.0)
     made["record"] = xr.DataTree(made["record"].dataset.drop_vars("time_uncertainty"))
-    fit = fitted(gather(made))[0]
+    fit = first_fits(gather(made))[0]
     assert with_clock(fit) is fit
 
 

@@ -73,9 +73,9 @@ def test_close_laws_far_apart_are_refused() -> None:
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize(("kind", "laws"), [("heave recorded", [True]), ("linear law not stated", [True, False])])
+@pytest.mark.parametrize(("kind", "laws"), [("heave recorded", [True]), ("linear law not stated", [False, True])])
 def test_a_law_far_behind_is_given_up(kind: str, laws: list[bool]) -> None:
-    """Heave tells the law from the cold start on; two laws that are close are both fitted."""
+    """Heave tells the law from the cold start on; two laws that are close are both fitted, the likelier first."""
     made = honesty_record(kind, "weak", 1).tree
     made["instrument"].attrs.pop("restoring", None)
     assert [fit.model.assumed.sine for fit in first_fits(gather(made))] == laws

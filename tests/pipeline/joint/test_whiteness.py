@@ -9,11 +9,11 @@ import pytest
 from scipy.interpolate import CubicSpline
 from test_method import GRAVITY, in_sigmas, record, row
 
-from pipeline.joint import choice, course, fit, lattice, motion
+from pipeline.joint import choice, course, lattice, motion
 from pipeline.joint.explanation import Fitted, fitted, grown, shifted
 from pipeline.joint.gather import Gathered, gather
 from pipeline.joint.ship import Component, Engine, Sea
-from pipeline.joint.start import cold_starts
+from pipeline.joint.start import cold_starts, first_fits
 from pipeline.joint.unfollowed import unresolved
 from pipeline.joint.whiteness import Spectrum, errors_by_frequency
 
@@ -32,7 +32,7 @@ def gathered() -> Gathered:
 
 @pytest.fixture(scope="module")
 def settled(gathered: Gathered) -> Fitted:
-    return fit.fitted(gathered)[0]
+    return first_fits(gathered)[0]
 
 
 def with_ship(found: Fitted, ship: tuple[Component, ...]) -> Fitted:
@@ -60,7 +60,7 @@ def test_steps_of_the_lattice_change_neither_likelihood_nor_sigma(
     made, _ = record(motion=SEAS, duration=900.0, recording={"sampling_rate": rate, "vertical_acceleration": recorded})
     values = made["record"]["elongation"].values
     values[np.random.default_rng(6).random(values.shape) < lost] = np.nan
-    found = fit.fitted(gather(made))[0]
+    found = first_fits(gather(made))[0]
     if not recorded:
         level = [each for each in found.model.assumed.ship if each.axis == "horizontal"]
         found = with_ship(found, (*level, *(Sea(w, 0.4, 0.01, "vertical") for w in (0.9, 1.6))))
@@ -77,7 +77,7 @@ def test_steps_of_the_lattice_change_neither_likelihood_nor_sigma(
     fine, coarse = (course.mean_gravity(each.solution, 900.0)[1] for each in fits)
     assert coarse == pytest.approx(fine, rel=0.015)  # 1.0 % at five readings of a trace a node
     apart = fits[0].solution.log_likelihood - fits[1].solution.log_likelihood
-    assert abs(apart) < 5e-4 * fits[0].solution.count
+    assert abs(apart) < 5e-4 * fits[0].of.totals[1]
 
 
 @pytest.mark.parametrize("factor", [0.2, 5.0])
@@ -130,7 +130,7 @@ def test_a_line_is_found_to_its_own_width(gathered: Gathered, settled: Fitted) -
 
 @pytest.fixture(scope="module")
 def unrecorded() -> Fitted:
-    return fit.fitted(gather(record(motion=SEAS, recording={"vertical_acceleration": False})[0]))[0]
+    return first_fits(gather(record(motion=SEAS, recording={"vertical_acceleration": False})[0]))[0]
 
 
 def hidden(of: Fitted, component: Component, noise: float) -> tuple[float, float]:
@@ -168,7 +168,7 @@ def test_a_line_too_fast_for_the_nodes_asks_for_more_of_them() -> None:
     laid = gather(made)
     assert not laid.problem.lattice.dense
     with pytest.raises(motion.UnresolvedError):
-        choice.settle(fit.fitted(laid)[0])
+        choice.settle(first_fits(laid)[0])
     assert laid.denser().problem.lattice.dense
     assert abs(in_sigmas(row(made), gravity)) < 3.5
 

@@ -9,7 +9,6 @@ import numpy as np
 from data_schemas.scene import Scene
 from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made
-from pipeline.conditions import MGAL
 from pipeline.observation import observe
 from pipeline.prepared import Prepared, prepare
 from synth import simulate

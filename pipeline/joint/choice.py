@@ -249,7 +249,8 @@ def _rivals(fit: Fitted) -> list[Candidate]:
     if "kicks" in model.words:
         words = tuple(word for word in model.words if word != "kicks")
         still = replace(model, words=words, assumed=replace(model.assumed, kick=np.zeros_like(model.assumed.kick)))
-        leans.append((fitted(still, fit.path), "kicks", False))
+        unmoved = attempted(still, fit.path)
+        leans += [] if unmoved is None else [(unmoved, "kicks", False)]
     for lean, name, kicked in leans:
         if _far(lean.model.constants):  # what is left alone is beyond what can be followed: from where it was
             lean = replace(lean, model=replace(lean.model, constants=lean.about))

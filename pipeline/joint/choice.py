@@ -32,7 +32,7 @@ FADES = (0.0, 0.05, 0.1, 0.25)  # of the mean speed, below which knife-edge fric
 SETTLED = 0.3  # of sigma: a step that is none
 FAR = 5.0  # 1 sigma of a constant's prior: what is farther explains nothing
 MUCH, VERY_MUCH, HARMLESS = 100.0, 1e4, 0.2  # in log-likelihood; of sigma
-FEIGNED = 2.0  # in log-likelihood
+FEIGNED, LITTLE = 2.0, 0.05  # in log-likelihood; of what explanations gain, by which kicks alone may stay behind
 SCALES = (kinds.GAIN, kinds.RATIO)  # of constants that stand for each other
 LEAN = (kinds.ZERO, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY)
 REPLACED = (*SCALES, kinds.SWAY, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kinds.DAMPING)
@@ -196,8 +196,9 @@ def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
     words = [each for each in settled[0].model.words if not each.startswith("horizontal motion")]
     ahead = settled[0].solution.log_likelihood
     alone = kicks.alone(fit) if words and ahead > fit.solution.log_likelihood + MUCH else None
-    feigned = any(each == "kicks" or each.startswith("vertical motion") for each in words)
-    if alone is not None and alone.solution.log_likelihood > ahead + (-MUCH if feigned else PAYS):
+    feigned = any(each == "kicks" or each.startswith(("vertical motion", "transverse motion")) for each in words)
+    behind = max(MUCH, LITTLE * (ahead - fit.solution.log_likelihood)) if feigned else -PAYS
+    if alone is not None and alone.solution.log_likelihood > ahead - behind:
         settled = max(settled, _added_up(alone), key=lambda each: each[0].solution.log_likelihood)
     fit, close = _resized(*settled)
     rivals = _rivals(fit)

@@ -34,7 +34,7 @@ def scene_path(tmp_path):
 def test_a_scene_beside_itself(run, scene_path):
     outcome = run("expose", scene_path)
     assert outcome.status == 0
-    assert outcome.err == ""
+    assert all("compiling kernels" in line for line in outcome.err.splitlines())  # where it is the first to need any
     folder = scene_path.parent
     assert f"{folder / 'short.film.tif'}: 283 x 236 px" in outcome.out
     made = [folder / f"short.film.{ending}" for ending in ("tif", "toml", "truth.nc")]

@@ -220,10 +220,14 @@ def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         trials = [each for each in trials if each.candidate.value < base + PAYS or each.matters]
         trials.sort(key=lambda each: -each.candidate.value)
         ahead = [each.candidate for each in trials if each.candidate.value > base + PAYS]
+        # motion at the swing's own frequency passes for whatever else pays; a support that yields passes for it
+        lines = list(motion.with_the_swing(fit)) if ahead else []
         swayed = [each for each in ahead if apparatus.SWAY in each.model.words[-1:]]
-        taken = _taken(fit, [each for each in ahead if apparatus.SWAY not in each.model.words[-1:]])
-        if taken is None and swayed:  # last, and beside the ship's motion, which it passes for
-            taken = _taken(fit, sorted([*swayed, *motion.with_the_swing(fit)], key=lambda each: -each.value))
+        least = max((each.value for each in swayed), default=base + PAYS)
+        others = [each for each in ahead if each not in swayed] + [each for each in lines if each.value > least]
+        taken = _taken(fit, sorted(others, key=lambda each: -each.value))
+        if taken is None and swayed:
+            taken = _taken(fit, sorted([*swayed, *lines], key=lambda each: -each.value))
         if taken is None:
             break
         fit = motion.reshaped(_with_fade(taken))

@@ -44,7 +44,8 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     shown = fit.solution.log_likelihood + FEIGNED
     taken = any(is_knot(each) for each in fit.model.constants)
     found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
-    kicked = list(kicks.larger_or_smaller(fit))
+    asked = max((each.value for each in found), default=-np.inf) > shown
+    kicked = list(kicks.larger_or_smaller(fit, asked=asked))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
     steps = _steps(fit) if max((each.value for each in [*found, *kicked]), default=-np.inf) > shown else []

@@ -15,8 +15,11 @@ SIZES = 8  # each three times the one before
 NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log-likelihood; a step of sizes
 
 
-def larger_or_smaller(fit: Fitted) -> Iterator[Candidate]:
-    """Kicks that a fit does not have, or others than it has, each for the price of a pass."""
+def larger_or_smaller(fit: Fitted, *, asked: bool = False) -> Iterator[Candidate]:
+    """Kicks that a fit does not have, or others than it has, each for the price of a pass.
+
+    Those that gravity would hardly notice are tried too where something is `asked` for.
+    """
     model = fit.model
     now, words = model.assumed.kick, tuple(word for word in model.words if word != "kicks")
 
@@ -28,7 +31,7 @@ def larger_or_smaller(fit: Fitted) -> Iterator[Candidate]:
     if not np.any(now):
         best = of(np.full(now.size, noticed(fit)))
         yield best
-        if best.value < fit.solution.log_likelihood - ABSENT:
+        if not asked and best.value < fit.solution.log_likelihood - ABSENT:
             return
         less = best.value + 1.0 < fit.solution.log_likelihood  # likelihoods fall on: larger ones explain nothing
         for factor in (1.0 / THRICE,) if less else (THRICE, 1.0 / THRICE):

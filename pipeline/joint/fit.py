@@ -19,6 +19,7 @@ from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_
 
 MGAL = 1e-5  # m s-2
 MOST_APART = 10.0  # mGal
+MUCH_AHEAD = 1e4  # in log-likelihood, of a law that leaves nothing but noise without other explanations
 CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
@@ -86,7 +87,9 @@ def reduce(gathered: Gathered) -> Outcome:
         if lean is not None:
             fit, close = max((fit, close), settled(lean, gathered), key=lambda each: each[0].solution.log_likelihood)
         mean, sigma = choice.averaged(fit, close)
-        if len(found) > 1 and (strained(fit) or of_the_law(found[0]) < of_the_law(found[1]) + DECISIVE):
+        lead = of_the_law(found[0]) - of_the_law(found[1]) if len(found) > 1 else np.inf
+        decided = lead > MUCH_AHEAD and choice.unexplained(found[0]) <= 1.0
+        if len(found) > 1 and not decided and (strained(fit) or lead < DECISIVE):
             fit, close, mean, sigma = weighed([(fit, close), settled(found[1], gathered)], reference)
     except motion.UnresolvedError:
         return reduce(gathered.denser())

@@ -172,7 +172,7 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
             continue
         ahead = other.solution.log_likelihood - fit.solution.log_likelihood
         much = abs(fit.gravity[0] - other.gravity[0]) * reference > MOST_APART * MGAL
-        if ahead > DECISIVE and much and motion.is_white(other, other.model.problem.differences):
+        if ahead > CLOSE and much and motion.is_white(other, other.model.problem.differences):
             raise RefusedError(
                 f"record/combination: the readings are likelier by {ahead:.0f} in log-likelihood with the sign of "
                 f"trace {j + 1}, a difference, reversed; say which pendulum it takes off from which"

@@ -80,3 +80,14 @@ def test_support_that_yields_leaves_gravity_alone() -> None:
     found = row(tree)
     assert found["gravity_sigma_mgal"] < 0.5
     assert abs(in_sigmas(found, gravity)) < 4.0
+
+
+@pytest.mark.parametrize(("size", "period", "damping"), [(1e-4, 1.0098, 1.25), (3e-5, 1.0125, 0.8)])
+def test_line_near_the_swing_hides_no_wrong_damping(size: float, period: float, damping: float) -> None:
+    sway = [{"kind": "harmonics", "amplitude": [0.05, 0.03, size], "period": [9.0, 7.0, period]}]
+    tree, true = record(motion=sway, recording={"noise": 3e-6, "vertical_acceleration": False})
+    instrument = tree["instrument"].dataset
+    tree["instrument"] = xr.DataTree(instrument.assign(damping_rate=damping * instrument["damping_rate"]))
+    found = row(tree)
+    assert abs(in_sigmas(found, true)) < 3.5
+    assert found["gravity_sigma_mgal"] < 5.0

@@ -82,12 +82,23 @@ def test_support_that_yields_leaves_gravity_alone() -> None:
     assert abs(in_sigmas(found, gravity)) < 4.0
 
 
-@pytest.mark.parametrize(("size", "period", "damping"), [(1e-4, 1.0098, 1.25), (3e-5, 1.0125, 0.8)])
-def test_line_near_the_swing_hides_no_wrong_damping(size: float, period: float, damping: float) -> None:
-    sway = [{"kind": "harmonics", "amplitude": [0.05, 0.03, size], "period": [9.0, 7.0, period]}]
-    tree, true = record(motion=sway, recording={"noise": 3e-6, "vertical_acceleration": False})
+@pytest.mark.parametrize(("size", "aside", "stated"), [(2.2e-5, 3e-4, 0.8), (4e-4, 2e-3, 1.3)])
+def test_line_near_the_swing_hides_no_wrong_damping(size: float, aside: float, stated: float) -> None:
+    swings = [(1.00977, 0.009, 4.3), (1.0098, 0.0117, 2.8)]
+    pendulums = [
+        {"label": str(k), "period": period, "damping_rate": 2e-4}
+        | {"start": {"kind": "free", "amplitude": amplitude, "phase": phase}}
+        for k, (period, amplitude, phase) in enumerate(swings, 1)
+    ]
+    rng = np.random.default_rng(3)
+    sea = {"amplitude": [0.007] * 40, "period": (1.0 / np.abs(0.1 + 0.025 * rng.standard_normal(40))).tolist()}
+    sea["phase"] = rng.uniform(0.0, 6.28, 40).tolist()
+    line = {"amplitude": [size], "period": [1.0098 / (1.0 + aside)], "phase": [2.0]}
+    motion = [{"kind": "harmonics"} | each for each in (sea, line)]
+    recording = {"noise": 3.7e-6, "sampling_rate": 25, "vertical_acceleration": False}
+    tree, true = record(pendulums=pendulums, motion=motion, recording=recording)
     instrument = tree["instrument"].dataset
-    tree["instrument"] = xr.DataTree(instrument.assign(damping_rate=damping * instrument["damping_rate"]))
+    tree["instrument"] = xr.DataTree(instrument.assign(damping_rate=stated * instrument["damping_rate"]))
     found = row(tree)
     assert abs(in_sigmas(found, true)) < 3.5
     assert found["gravity_sigma_mgal"] < 5.0

@@ -41,16 +41,18 @@ REPLACED = (*SCALES, kinds.SWAY, kinds.DELAY, kinds.DRIFT, kinds.QUADRATIC, kind
 
 def candidates(fit: Fitted) -> Iterator[Candidate]:
     """Explanations that add one thing to a fitted one, with their log-likelihoods; what takes long comes last."""
-    shown = fit.solution.log_likelihood + FEIGNED
     taken = any(is_knot(each) for each in fit.model.constants)
+
+    def pays(some: list[Candidate]) -> bool:
+        return any(each.value > fit.solution.log_likelihood + FEIGNED for each in some)
+
     found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
-    asked = max((each.value for each in found), default=-np.inf) > shown
-    kicked = list(kicks.larger_or_smaller(fit, asked=asked))
+    kicked = list(kicks.larger_or_smaller(fit, asked=pays(found)))
     # steps and knocks show as the drift, the friction, the course, the kicks that they resemble, turns as the first of
     # these: what nothing feigns is not there
-    steps = _steps(fit) if max((each.value for each in [*found, *kicked]), default=-np.inf) > shown else []
+    steps = _steps(fit) if pays([*found, *kicked]) else []
     yield from (*found, *kicked, *steps, *_knocks_in_gaps(fit))
-    yield from motion.components(fit, slow=max((each.value for each in [*found, *steps]), default=-np.inf) > shown)
+    yield from motion.components(fit, slow=pays([*found, *steps]))
 
 
 def _possible(fit: Fitted) -> list[Constant]:

@@ -113,6 +113,7 @@ def test_a_command_runs(
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy(source, target)
     if words[0] == "process" and any("*" in word for word in words):
+        (tmp_path / "clocks-on-beam.record.nc").unlink()  # driven: refused, as no pendulum that swings freely
         words = [each for word in words for each in (sorted(map(str, tmp_path.glob(word))) if "*" in word else [word])]
     outcome = run(*words)
     assert outcome.status == 0, outcome.err

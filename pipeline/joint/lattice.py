@@ -114,6 +114,7 @@ def folded(frequency: float, step: float) -> float:
 
 WINDOW = 25.0  # s
 FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
+EVEN = 1e-6  # of a step
 LEAST_GAP = 0.2  # s: shorter ones are interpolated without harm
 QUIETEST = 1e-6  # rad: motion below it is none
 TAPER = 14.0  # of a Kaiser window, that lets 1e-5 of the swing pass, and 5e-6 four lines off
@@ -137,11 +138,12 @@ def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine
     fast = turns > FAST
     if not fast.any():
         return MOST_ANGLE
-    filled, taper, found = CubicSpline(at, value), np.kaiser(rows, TAPER), []
+    even = np.ptp(np.diff(at)) < EVEN * step
+    filled, taper, found = None if even else CubicSpline(at, value), np.kaiser(rows, TAPER), []
     for begin in np.arange(at[0], at[-1] - WINDOW, WINDOW):
         low, high = np.searchsorted(at, (begin, begin + WINDOW))
         if high - low > 2 and np.diff(at[low:high]).max() < LEAST_GAP:
-            part = filled(begin + step * np.arange(rows))
+            part = value[low : low + rows] if filled is None else filled(begin + step * np.arange(rows))
             found.append(np.abs(np.fft.rfft(taper * (part - part.mean()))[fast]) ** 2)
     if not found:
         return FAST_ANGLE

@@ -224,7 +224,7 @@ def _added_up(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
         trials.sort(key=lambda each: -each.candidate.value)
         ahead = [each.candidate for each in trials if each.candidate.value > base + PAYS]
         # motion at the swing's own frequency passes for whatever else pays; a support that yields passes for it
-        lines = list(motion.with_the_swing(fit)) if ahead else []
+        lines = list(motion.with_the_swing(fit)) if ahead or fit.model.words else []
         swayed = [each for each in ahead if apparatus.SWAY in each.model.words[-1:]]
         least = max((each.value for each in swayed), default=base + PAYS)
         others = [each for each in ahead if each not in swayed] + [each for each in lines if each.value > least]

@@ -130,7 +130,7 @@ class FilmTraces:
         own = swept(tracks, scan.columns)
 
         def light(begin: int, stop: int, first: int, exposure: NDArray[np.float32]) -> Floats:
-            return light_across(exposure[begin - first : stop - first], own)
+            return light_across(exposure[begin - first : stop - first], begin, own)
 
         shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
         stood = bars(shown, own, tracks, self.emulsion)

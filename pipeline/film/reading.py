@@ -24,6 +24,7 @@ ROWS_PER_SAMPLE = 1.2  # fewer leave samples without a row
 CLOSE, OFTEN, LEAST_AT_MARKS = 16.5, 1.9, 0.8  # spots between strokes; marks a swing; share of them that is read
 BESIDE = 3.5  # spots from a mark, within which its gap takes light
 LEAST_ACCEPTED = 0.5  # of the rows; a film of which less can be read between the marks is too slow for it
+LEAST_READ = 0.25  # of the rows; less is no trace
 SPEED_TOLERANCE = 0.03
 MANY_MISSING, LONG_GAP = 0.1, 5.0  # share of the marks; s
 
@@ -104,6 +105,12 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
         reading = "continuous" if whole and not better_at_marks(tracks, axis, strobe) else "strobe"
     if close(tracks):
         tracks = clear_of_marks(tracks, axis)
+    part = accepted_fraction(tracks, axis)
+    if reading == "continuous" and part < LEAST_READ:
+        raise RefusedError(
+            f"film: only {part:.0%} of the rows could be read: its traces are lost or lie too close; scan it more "
+            "finely, mask what disturbs (--edits), or read it at the marks alone (--reading strobe)"
+        )
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too
         between = normal_points(tracks, axis, known.options.rate or _rate(tracks, axis))
@@ -120,7 +127,9 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
 def better_at_marks(tracks: Tracks, axis: TimeAxis, strobe: Strobe) -> bool:
     """Whether strokes lie so close that marks twice a swing tell more: beside gaps and turns rows are read badly."""
     often = tracks.rows_per_swing > OFTEN * axis.interval * axis.rows_per_second
-    return close(tracks) and often and float(np.isfinite(strobe.position).mean(axis=1).min()) >= LEAST_AT_MARKS
+    if not (often and close(tracks) and strobe.index.size):
+        return False
+    return float(np.isfinite(strobe.position).mean(axis=1).min()) >= LEAST_AT_MARKS
 
 
 def close(tracks: Tracks) -> bool:

@@ -40,6 +40,7 @@ ALONE = 0.5  # of the swing: across less, a stroke near its turn fills as much a
 DENSE = 0.7  # of a line at rest, light from which a bar may be blacker than it shows
 APART = 20.0  # rows within which bars of several traces are one
 CLEAR = 10.0  # spots beside a swing
+FOLLOWED = 0.7  # of two swings, that tells where they lie
 THICK, MARGIN = 24.0, 4  # spots, of a bar; rows on either side that have some of its light
 Whole = NDArray[np.int64]
 
@@ -215,6 +216,8 @@ class Swept(NamedTuple):
     """What of a trace's columns the light writes in one stroke across."""
 
     columns: Whole
+    centre: Floats  # px, by which the swing in whose middle a row is lies aside, (rows,)
+    half: Floats  # of that swing, over that of most, (rows,)
     beside: Whole  # some that no trace sweeps, the same of all traces
     speed: Floats  # across the columns, over that in the middle
     stroke: float  # light along the rows of one stroke in the middle column, in rows of a line at rest
@@ -236,16 +239,28 @@ def free_columns(tracks: Tracks, columns: int, margin: int = 0) -> Whole:
 
 def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
     """Columns across the swing of each trace, of so many; None where it is too small to show a bar."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
     found: list[Swept | None] = []
     ends, free = _ends(tracks), free_columns(tracks, columns, columns // 50)
     beside = free[:: max(free.size // 64, 1)]
-    for trace, (low, high) in enumerate(ends):
-        half = 0.5 * float(high - low)
+    swing = max(round(tracks.rows_per_swing), 1)
+    for trace, course in enumerate(tracks.course):
+        row, known = np.arange(course.size), np.isfinite(course)
+        seen = uniform_filter1d(known.astype(np.float64), 2 * swing) > FOLLOWED
+        lowest = minimum_filter1d(np.where(known, course, np.inf), 2 * swing)[seen]
+        highest = maximum_filter1d(np.where(known, course, -np.inf), 2 * swing)[seen]
+        if not seen.any():
+            found.append(None)
+            continue
+        centre = np.interp(row, row[seen], 0.5 * (lowest + highest))
+        halves = np.interp(row, row[seen], 0.5 * (highest - lowest))
+        middle, half = float(np.median(centre)), float(np.median(halves))
         if half < LEAST_COLUMNS:
             found.append(None)
             continue
         aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
-        column = 0.5 * (low + high) + aside
+        column = middle + aside
         alone = np.ones(column.size, dtype=bool)
         for a, b in ends[:trace] + ends[trace + 1 :]:
             alone &= (column < a) | (column > b)
@@ -253,21 +268,31 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
             column, aside = column[alone], aside[alone]
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)
-        found.append(Swept(column.astype(np.int64), beside, speed, stroke, 1.0 / float(np.hypot(1.0, slope))))
+        peak = 1.0 / float(np.hypot(1.0, slope))
+        found.append(Swept(column.astype(np.int64), centre - middle, halves / half, beside, speed, stroke, peak))
     return found
 
 
-def light_across(exposure: NDArray[np.float32], across: list[Swept | None]) -> Floats:
-    """What lies on each trace's columns, (2, traces, rows): light of all but a few, and its mean in strokes."""
+def light_across(exposure: NDArray[np.float32], begin: int, across: list[Swept | None]) -> Floats:
+    """What lies on each trace's columns from row `begin` on, (2, traces, rows): light of all but a few, and its mean in
+    strokes.
+
+    Ships sway traces aside by as much as these swing: the columns go with each swing.
+    """
     out = np.zeros((2, len(across), exposure.shape[0]))
     beside = next((own.beside for own in across if own is not None), np.empty(0, np.int64))
     stray = np.median(exposure[:, beside], axis=1) if beside.size else 0.0
     for trace, own in enumerate(across):
         if own is not None:
-            light = exposure[:, np.clip(own.columns, 0, exposure.shape[1] - 1)]
+            rows = slice(begin, begin + exposure.shape[0])
+            middle = float(own.columns.mean())
+            column = middle + own.centre[rows, None] + (own.columns - middle) * own.half[rows, None]
+            column = np.clip(column, 0.0, exposure.shape[1] - 1.0).astype(np.int64)
+            light = np.take_along_axis(exposure, column, axis=1)
             k = int(QUANTILE * own.columns.size)
             out[0, trace] = np.partition(light, k, axis=1)[:, k]
-            out[1, trace] = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
+            strokes = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
+            out[1, trace] = own.half[rows] * strokes
     return out
 
 

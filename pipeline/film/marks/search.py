@@ -79,7 +79,7 @@ def find_gaps(
         rows = [_candidates(exposure, first, begin, stop, tracks, trace, width, steps) for trace in every]
         traces = np.repeat(np.arange(len(rows)), [each.size for each in rows])
         gaps = fitted(exposure, first, emulsion, tracks, traces, np.concatenate(rows), width)
-        return traces, gaps, light_across(exposure[begin - first : stop - first], across)
+        return traces, gaps, light_across(exposure[begin - first : stop - first], begin, across)
 
     traces, results, light = zip(*over_pieces(scan, emulsion, of_piece, jobs, spans), strict=True)
     gaps = _selected(Gaps.of(np.concatenate(traces), np.concatenate(results)), width)

@@ -287,8 +287,8 @@ def light_across(exposure: NDArray[np.float32], begin: int, across: list[Swept |
             rows = slice(begin, begin + exposure.shape[0])
             middle = float(own.columns.mean())
             column = middle + own.centre[rows, None] + (own.columns - middle) * own.half[rows, None]
-            column = np.clip(column, 0.0, exposure.shape[1] - 1.0).astype(np.int64)
-            light = np.take_along_axis(exposure, column, axis=1)
+            places: Whole = np.clip(column, 0.0, exposure.shape[1] - 1.0).astype(np.int64)
+            light = np.take_along_axis(exposure, places, axis=1)
             k = int(QUANTILE * own.columns.size)
             out[0, trace] = np.partition(light, k, axis=1)[:, k]
             strokes = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)

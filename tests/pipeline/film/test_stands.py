@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pipeline.film import digitise
-from pipeline.film.marks.alignment import Stand, swept, together
+from pipeline.film.marks.alignment import Stand, light_across, swept, together
+from pipeline.film.marks.alignment import bars as bars_of
 from pipeline.film.marks.axis import axis_of
 from pipeline.film.parts import Marking, TimeAxis, Tracks
 from tests.films.make import write
@@ -118,6 +121,27 @@ def test_a_faint_bar_counts_where_another_trace_has_a_sure_one() -> None:
     assert together([[faint], [faint]], none) == []
     assert together([[sure], []], none) == []
     assert len(together([[sure], None], none)) == 1
+
+
+@pytest.mark.parametrize("sway", [0.0, 60.0, 150.0])
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_bar_shows_wherever_the_ship_sways_the_swing_to(sway: float, lost: bool) -> None:
+    """The light of a stand of one swing lies where that swing is, not where most are; the trace is lost beside it."""
+    row, at = np.arange(1500), 733
+    middle = 500.0 + sway * np.sin(2.0 * np.pi * row / 600.0)
+    tracks = Tracks.empty(1, row.size, 57.0, 1.5)
+    tracks.course[0] = middle + 100.0 * np.cos(2.0 * np.pi * row / 57.0)
+    exposure = np.zeros((row.size, 1000), dtype=np.float32)
+    for k, column in enumerate(tracks.course[0]):
+        exposure[k, round(column) - 5 : round(column) + 6] += 0.1
+    exposure[at : at + 4, round(middle[at]) - 98 : round(middle[at]) + 98] += 0.2
+    if lost:
+        tracks.course[0, at - 40 : at + 40] = np.nan
+    across = swept(tracks, 1000)
+    still: Any = SimpleNamespace(noise=lambda exposure: np.full(exposure.shape, 1e-3))
+    (found,) = bars_of(light_across(exposure, 0, across), across, tracks, still)
+    assert found is not None
+    assert [round(each.row) for each in found if each.sure] == [at + 2]
 
 
 @pytest.mark.parametrize("apart", [30.0, 70.0, 140.0, 400.0])

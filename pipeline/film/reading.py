@@ -103,7 +103,7 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
     if reading == "auto":
         whole = fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= LEAST_ACCEPTED)
         reading = "continuous" if whole and not better_at_marks(tracks, axis, strobe) else "strobe"
-    if close(tracks):
+    if axis.kind == "gaps" and close(tracks):
         tracks = clear_of_marks(tracks, axis)
     part = accepted_fraction(tracks, axis)
     if reading == "continuous" and part < LEAST_READ:

@@ -103,7 +103,7 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
     if reading == "auto":
         whole = fast and (axis.kind != "gaps" or accepted_fraction(tracks, axis) >= LEAST_ACCEPTED)
         reading = "continuous" if whole and not better_at_marks(tracks, axis, strobe) else "strobe"
-    if axis.kind == "gaps" and close(tracks):
+    if close(tracks):
         tracks = clear_of_marks(tracks, axis)
     part = accepted_fraction(tracks, axis)
     if reading == "continuous" and part < LEAST_READ:
@@ -138,7 +138,9 @@ def close(tracks: Tracks) -> bool:
 
 
 def clear_of_marks(tracks: Tracks, axis: TimeAxis) -> Tracks:
-    """The same without the rows that a gap takes light from."""
+    """The same without the rows that a gap takes light from; marks beside the traces take none."""
+    if axis.kind != "gaps":
+        return tracks
     position, rows = tracks.position.copy(), np.arange(tracks.position.shape[1]) + 0.5
     for own, found, offset in zip(position, axis.row_of_trace, axis.offset, strict=True):
         marks = np.sort(np.where(np.isfinite(found), found, axis.row + offset))

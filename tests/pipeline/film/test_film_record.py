@@ -253,3 +253,4 @@ def test_close_strokes_are_read_clear_of_their_gaps(tmp_path):
     row = np.arange(clear.position.shape[1]) + 0.5
     near = np.abs(row[:, None] - made.axis.row).min(axis=1) < 3.5 * 2.0
     np.testing.assert_array_equal(np.isnan(clear.position[0]), near)
+    assert clear_of_marks(tracks, replace(made.axis, kind="edge")) is tracks

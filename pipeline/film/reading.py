@@ -108,8 +108,8 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
     part = accepted_fraction(tracks, axis)
     if reading == "continuous" and part < LEAST_READ:
         raise RefusedError(
-            f"film: only {part:.0%} of the rows could be read: its traces are lost or lie too close; scan it more "
-            "finely, mask what disturbs (--edits), or read it at the marks alone (--reading strobe)"
+            f"film: only {100.0 * part:.0f} % of the rows could be read: its traces are lost or lie too close; scan "
+            "it more finely, mask what disturbs (--edits), or read it at the marks alone (--reading strobe)"
         )
     samples, difference = at_marks(strobe, axis), None
     if np.isfinite(tracks.position).any():  # rows were read, too

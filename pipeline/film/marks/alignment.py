@@ -215,8 +215,8 @@ Bars = list[list[Stand] | None]
 class Swept(NamedTuple):
     """What of a trace's columns the light writes in one stroke across."""
 
-    columns: Whole
-    centre: Floats  # px, by which the swing in whose middle a row is lies aside, (rows,)
+    aside: Floats  # px, of the columns from the middle of most swings
+    centre: Floats  # px, middle of the swing about a row, (rows,)
     half: Floats  # of that swing, over that of most, (rows,)
     beside: Whole  # some that no trace sweeps, the same of all traces
     speed: Floats  # across the columns, over that in the middle
@@ -254,22 +254,22 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
             found.append(None)
             continue
         centre = np.interp(row, row[seen], 0.5 * (lowest + highest))
-        halves = np.interp(row, row[seen], 0.5 * (highest - lowest))
-        middle, half = float(np.median(centre)), float(np.median(halves))
-        if half < LEAST_COLUMNS:
+        halves = np.maximum(np.interp(row, row[seen], 0.5 * (highest - lowest)), LEAST_COLUMNS)
+        half = float(np.median(halves))
+        if half <= LEAST_COLUMNS:
             found.append(None)
             continue
         aside = np.arange(-INNER * half, INNER * half, max(half / 32.0, 1.0))
-        column = middle + aside
+        column = float(np.median(centre)) + aside
         alone = np.ones(column.size, dtype=bool)
         for a, b in ends[:trace] + ends[trace + 1 :]:
             alone &= (column < a) | (column > b)
         if alone.sum() >= ALONE * alone.size:  # where another trace does not add its light
-            column, aside = column[alone], aside[alone]
+            aside = aside[alone]
         slope = 2.0 * np.pi * half / tracks.rows_per_swing
         stroke, speed = float(np.sqrt(2.0 * np.pi)) * tracks.spot / slope, np.sqrt(1.0 - (aside / half) ** 2)
         peak = 1.0 / float(np.hypot(1.0, slope))
-        found.append(Swept(column.astype(np.int64), centre - middle, halves / half, beside, speed, stroke, peak))
+        found.append(Swept(aside, centre, halves / half, beside, speed, stroke, peak))
     return found
 
 
@@ -285,11 +285,10 @@ def light_across(exposure: NDArray[np.float32], begin: int, across: list[Swept |
     for trace, own in enumerate(across):
         if own is not None:
             rows = slice(begin, begin + exposure.shape[0])
-            middle = float(own.columns.mean())
-            column = middle + own.centre[rows, None] + (own.columns - middle) * own.half[rows, None]
+            column = own.centre[rows, None] + own.half[rows, None] * own.aside
             places: Whole = np.clip(column, 0.0, exposure.shape[1] - 1.0).astype(np.int64)
             light = np.take_along_axis(exposure, places, axis=1)
-            k = int(QUANTILE * own.columns.size)
+            k = int(QUANTILE * own.aside.size)
             out[0, trace] = np.partition(light, k, axis=1)[:, k]
             strokes = (light @ own.speed - stray * own.speed.sum()) / (own.speed.size * own.stroke)
             out[1, trace] = own.half[rows] * strokes

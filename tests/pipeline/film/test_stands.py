@@ -152,4 +152,4 @@ def test_a_bar_is_sought_across_half_of_a_swing_at_least(apart: float) -> None:
     tracks.course[:] = 700.0 + 100.0 * turn, 700.0 + apart + 110.0 * turn
     for own, half in zip(swept(tracks, 1500), (100.0, 110.0), strict=True):
         assert own is not None
-        assert np.ptp(own.columns) > 0.7 * half
+        assert np.ptp(own.aside) > 0.7 * half

@@ -24,7 +24,7 @@ from synth.kernels.compiled import kernel
 HIGHEST_EXPOSURE = 4.0
 TABLE_SIZE = 4097
 STEP = HIGHEST_EXPOSURE / (TABLE_SIZE - 1)  # of the exposure in tables of the curve
-STRIP_ROWS = 16
+STRIP_ROWS, TALLER = 16, 4  # of a strip; times that, to show film between marks across it
 MOST_STRIPS = 48
 BLOCK_COLUMNS = 64
 CLIP = 2.0  # sigma; a normal distribution cut there has this much smaller a sigma:
@@ -83,8 +83,8 @@ class FilmEmulsion(Optics):
         """Darkness above blank film from which a pixel can be no darker."""
         return float(np.log10(self.full_scale / 0.75) - self.blank.darkness.max())
 
-    def darkness(self, pixels: NDArray[Any], first: int) -> Floats32:
-        """Darkness above blank film of rows from `first` on, (rows, columns), log10 units."""
+    def darkness(self, pixels: NDArray[Any], first: int, blind: float = 0.0) -> Floats32:
+        """Darkness above blank film of rows from `first` on, (rows, columns), log10 units; `blind` on dark marks."""
         knots, (rows, columns) = self.blank.rows, pixels.shape
         at = first + np.arange(rows) + 0.5
         strip = np.clip(np.searchsorted(knots, at) - 1, 0, max(0, knots.size - 2))
@@ -98,7 +98,7 @@ class FilmEmulsion(Optics):
         if self.blank.across is None:
             return out
         added = self.blank.across.over(first, rows, columns)
-        return np.where(added > BLIND, np.float32(0.0), out - added)
+        return np.where(added > BLIND, np.float32(blind), out - added)
 
     def exposure(self, pixels: NDArray[Any], first: int) -> Floats32:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
@@ -183,10 +183,10 @@ def plain_emulsion(scan: OpenScan) -> FilmEmulsion:
     return replace(plain, blank=blank._replace(across=across))
 
 
-def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int) -> Floats32:
-    """Darkness above blank film of the rows `first` to `stop` of a scan."""
+def shown_darkness(emulsion: FilmEmulsion, scan: OpenScan, first: int, stop: int, blind: float = 0.0) -> Floats32:
+    """Darkness above blank film of the rows `first` to `stop` of a scan; `blind` on dark marks."""
     top, bottom = max(first - 1, 0), min(stop + 1, scan.rows)  # the rows beside take part in the blur
-    return emulsion.darkness(scan.read(top, bottom), top)[first - top :][: stop - first]
+    return emulsion.darkness(scan.read(top, bottom), top, blind)[first - top :][: stop - first]
 
 
 class Blank(NamedTuple):
@@ -215,7 +215,7 @@ def darkness_table(full_scale: int) -> Floats32:
 def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
     """Blank film from strips spread over the whole scan, between the time marks `across` it."""
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
-    height = min(STRIP_ROWS, scan.rows)
+    height = min(STRIP_ROWS if across is None else TALLER * STRIP_ROWS, scan.rows)
     firsts = np.linspace(0, scan.rows - height, strips).astype(int)
     edges = np.linspace(0, scan.columns, max(1, round(scan.columns / BLOCK_COLUMNS)) + 1).astype(int)
     level, spread = np.empty((2, strips, edges.size - 1))

@@ -86,7 +86,9 @@ def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool
 
     As of `paper_motion`; times may be rows.
     """
-    aside, all_move = sideways(slow_part, time, column, np.abs(sums) < 1e-9, period)
+    even = [even_part(time, time, own, period) for own in column]  # of a film that lies turned
+    upright = np.stack([own - (0.0 if lean is None else lean) for own, lean in zip(column, even, strict=True)])
+    aside, all_move = sideways(slow_part, time, upright, np.abs(sums) < 1e-9, period)
     return aside is not None and not all_move
 
 

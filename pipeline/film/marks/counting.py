@@ -51,6 +51,7 @@ NEAR = 8  # marks on either side over which a phase is averaged
 NEAR_MARK, NEXT = 0.13, 0.06  # of the spacing, by which marks may lie off it over the film, and locally
 BY_LIGHT, STAND_MOST = 0.35, 60.0  # 1 sigma of the logarithm of a stand's length; cost of a phase that does not fit it
 LEAST, MOST, MORE = 4.0, 1.6, 16  # rows of a stand; times its length by light, and marks, that are tried
+NO_STAND = 16.0  # cost of a bar that is none: a mark across the film, dirt
 BESIDE, FEWEST, LONGER = 16, 6, 64  # marks beside a stand that show the phase; that show how the ship shakes it
 
 
@@ -310,15 +311,16 @@ def lengths(
 ) -> tuple[NDArray[np.int64], Floats]:
     """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
 
-    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly. `rows` are
-    those of all events, `pace` the rows between marks.
+    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly; or the paper
+    did not stand at all. `rows` are those of all events, `pace` the rows between marks.
     """
     moved = (rows[after.event[0]] - rows[before.event[-1]]) / pace
     length = max(stand.length, LEAST) / pace
-    number = np.arange(max(int(np.ceil(moved + LEAST / pace)), 1), int(moved + MOST * length) + MORE)
+    number = np.arange(max(round(moved), 1), int(moved + MOST * length) + MORE)
     stood = (number - moved) / length
     away = np.log(np.maximum(stood, 1e-3)) / BY_LIGHT
     cost = np.where((stood > 1.0) & stand.saturated, 0.0, away**2)
+    cost[(number - moved) * pace < LEAST] = NO_STAND
     for phase, advance, sigma in zip(swings.phase, swings.advance, swings.sigma, strict=True):
         one, few, shaken = _extrapolated(before.index - before.index[-1], phase[before.event], advance)
         other, many, shakes = _extrapolated(after.index - after.index[0], phase[after.event], advance)

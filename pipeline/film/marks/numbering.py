@@ -113,7 +113,9 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     # an oblique image bends the swing, but its first harmonic keeps the phase of the swing's middle
     late = alignment.offset + alignment.shear * np.array([median_present(each) for each in tracks.course])
     swings = swings_at(tracks, events, events.row + late[:, None], spacing)
-    stands = sorted([*together(search.bars, late), *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
+    bars = together(search.bars, late)
+    bars = bars if across is None else unlike_minutes(bars, events, swings, spacing, marking)
+    stands = sorted([*bars, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
     every = count_over_stands(events, stands, swings, spacing, marking, clock)
     known = longest(every, every.lead < 0.0)
     minutes = find_minutes(events, known, marking)
@@ -140,6 +142,16 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     shift, whole, full = clock.offset(events, count, spacing), count.index.size == every.index.size, minutes.residue
     contradicted = shift is not None and full is not None and (shift + full) % minutes.cycle != 0
     return Counted(gaps, events, count, minutes, alignment, inside, whole, doubted, shift, contradicted)
+
+
+def unlike_minutes(bars: list[Stand], events: Events, swings: Swings, spacing: float, marking: Marking) -> list[Stand]:
+    """Bars but for long marks across the film that come back every minute, had the paper never stood."""
+    count = counted(events.row, events.row_sigma, swings, spacing, np.array([each.row for each in bars]))
+    minutes = find_minutes(events, count, marking)
+    if minutes.kind != "long":
+        return bars
+    coded = events.row[count.event[np.isin(count.index, minutes.agree)]]
+    return [each for each in bars if np.abs(coded - each.row).min() > 0.5 * spacing]
 
 
 def count_over_stands(

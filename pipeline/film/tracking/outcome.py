@@ -74,8 +74,11 @@ def read_both(
     margin = round(MARGIN_SPOTS * optics.spot)
     low, high = max(0, above - margin), min(light.shape[1], above + rows + margin)
     lamps = np.stack([lamp_course(each, period) for each in light])
+    across = emulsion.blank.across
+    marked = across is not None and across.kind == "dark-lines"  # and no shutter closes
     gaps = [
-        find_gaps(each[low:high], lamp[low:high], first - above + low) for each, lamp in zip(light, lamps, strict=True)
+        np.empty((0, 2)) if marked else find_gaps(each[low:high], lamp[low:high], first - above + low)
+        for each, lamp in zip(light, lamps, strict=True)
     ]
     gaps = fitted_gaps(darkness, first, place, slope, gaps, emulsion, period)
     gap_of = np.concatenate([[0], np.cumsum([len(each) for each in gaps])])
@@ -91,7 +94,7 @@ def read_both(
         share = openness(gaps[k], first, rows, optics.spot)
         tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
             reading[k], place[k], course.variance[k], course.disagreement[k], course.known[k], share, lamp[k], black[k],
-            optics,
+            optics, 0 if marked else round(MARGIN_SPOTS * optics.spot),
         )  # fmt: skip
     tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
     tracks.brightness[:, part] = np.where(known, light[:, inside] / lamp, np.nan)
@@ -151,20 +154,20 @@ def openness(gaps: Floats, first: int, rows: int, spot: float) -> Floats:
 
 def judge(
     reading: Floats, place: Floats, course_variance: Floats, disagreement: Floats, known: NDArray[np.uint8],
-    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics,
+    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics, margin: int,
 ) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
     `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `open_share` is the light let
-    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker.
+    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker. Within
+    `margin` rows of what is hidden a gap would not be seen whole.
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
-    # beside what is hidden a gap is not seen whole
-    followed = followed & ~ndimage.binary_dilation(np.isnan(light), iterations=round(MARGIN_SPOTS * optics.spot))
+    followed = followed & ~ndimage.binary_dilation(np.isnan(light), np.ones(2 * margin + 1))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)

@@ -17,7 +17,7 @@ from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known, film_scale
 from pipeline.film.marks.alignment import bars, free_columns, light_across, swept
 from pipeline.film.marks.axis import axis_of
-from pipeline.film.marks.lines import NoMarksError, fitted, hide, ticks
+from pipeline.film.marks.lines import NoMarksError, fitted, ticks
 from pipeline.film.marks.numbering import TimeReversedError, shear_of_marks
 from pipeline.film.marks.search import ROWS, GapSearch, find_gaps, over_pieces, search_gaps
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
@@ -62,7 +62,7 @@ class FilmTraces:
             placed.without_ignored(tracks)
         else:
             following = following.again(placed, jobs)
-            tracks = hide(following.tracks, self.film.blank.across)
+            tracks = following.tracks
             stretches = placed.stretches(self.scan.rows, tracks.rows_per_swing)
             # in whole pieces, as all of the film was searched
             pieces = sorted({piece for first, last in stretches for piece in range(first // ROWS, last // ROWS + 1)})
@@ -215,8 +215,7 @@ def follow_film(scan: OpenScan, known: Known, dense: bool, jobs: int, progress: 
     film = measure_emulsion(scan)
     told = None if progress is None else partial(progress, "traces")
     following = follow_traces(scan, film, count=known.count, jobs=jobs, progress=told)
-    tracks = hide(following.tracks, film.blank.across)
-    return _searched(FilmTraces(scan, film, tracks, following, film, None), known, jobs)
+    return _searched(FilmTraces(scan, film, following.tracks, following, film, None), known, jobs)
 
 
 def _follow_bands(scan: OpenScan, known: Known, jobs: int) -> FilmTraces:

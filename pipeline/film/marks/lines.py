@@ -8,7 +8,6 @@ and every peak of it is fitted.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,6 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.film.marks.alignment import Gaps
-from pipeline.film.parts import Tracks
 
 Light = Callable[[int, int], NDArray[np.float32]]
 """Of the rows between two, (rows, columns): darkness above blank film, or exposure."""
@@ -36,8 +34,7 @@ USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and fr
 NEIGHBOURS, BROADER = 31, (0.06, 0.8)  # marks; by how much more light one that hides a stand of the paper has
 LAGS, PAD = 32, 24  # of a row, in which lags of lines are drawn; rows on either side, for the spline
 REACH = 1.5  # breadths of a mark, within which its light lies
-BLIND = 0.05  # darkness of a line, from which what lies on it is no longer read
-BESIDE, GAP = 0.5, 1  # spots beside it, that are not read either; of the record's flags
+BLIND = 0.01  # darkness of a line, from which what lies on it is not read: it does not add to the darkness of others
 ALONE = 0.75  # of the usual distance, from which marks are fitted one by one
 NARROWEST, NEAR, FULL = 0.6, 4.0, 2.355  # rows, of a mark's sigma; of it, fitted about a peak, and in a breadth
 Rows = NDArray[np.int64]
@@ -86,19 +83,6 @@ class Lines(NamedTuple):
         for row, wide in zip(top[usual], breadth[usual], strict=True):
             near[max(int(row - REACH * wide), 0) : int(row + REACH * wide) + 2] = True
         return self._replace(usual=np.where(near, np.maximum(self.light, 0.0), 0.0))
-
-
-def hide(tracks: Tracks, lines: Lines | None) -> Tracks:
-    """The tracks without what was read on dark lines and beside them, where a shutter would take some of the light."""
-    from scipy.ndimage import maximum_filter1d
-
-    if lines is None or lines.kind != "dark-lines":
-        return tracks
-    wide = maximum_filter1d(lines.usual, 2 * int(np.ceil(BESIDE * tracks.spot)) + 1)
-    at = np.arange(wide.size) - np.nan_to_num(lines.shear * tracks.course)
-    hidden = wide[np.clip(np.round(at), 0, wide.size - 1).astype(np.int64)] > BLIND
-    qc = np.where(hidden, tracks.qc | GAP, tracks.qc).astype(np.uint16)
-    return replace(tracks, position=np.where(hidden, np.nan, tracks.position), qc=qc)
 
 
 def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:

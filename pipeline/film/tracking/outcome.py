@@ -94,7 +94,7 @@ def read_both(
         share = openness(gaps[k], first, rows, optics.spot)
         tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
             reading[k], place[k], course.variance[k], course.disagreement[k], course.known[k], share, lamp[k], black[k],
-            optics, 0 if marked else round(MARGIN_SPOTS * optics.spot),
+            optics, marked,
         )  # fmt: skip
     tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
     tracks.brightness[:, part] = np.where(known, light[:, inside] / lamp, np.nan)
@@ -154,20 +154,24 @@ def openness(gaps: Floats, first: int, rows: int, spot: float) -> Floats:
 
 def judge(
     reading: Floats, place: Floats, course_variance: Floats, disagreement: Floats, known: NDArray[np.uint8],
-    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics, margin: int,
+    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics, marked: bool,
 ) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
     `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `open_share` is the light let
-    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker. Within
-    `margin` rows of what is hidden a gap would not be seen whole.
+    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker. What is
+    hidden is a dark mark if the film is `marked` by these.
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
-    followed = followed & ~ndimage.binary_dilation(np.isnan(light), np.ones(2 * margin + 1))
+    # beside what is hidden a gap is not seen whole
+    hidden, margin = followed & np.isnan(light), 0 if marked else round(MARGIN_SPOTS * optics.spot)
+    followed = followed & ~ndimage.binary_dilation(
+        hidden, np.ones(2 * margin + 1, bool)
+    )
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
@@ -194,6 +198,7 @@ def judge(
         "outlier": ~gap & ~shared & ~accepted & ~unsure & ~black,
     }.items():
         qc[followed & rows] |= ELONGATION_FLAGS[name]
+    qc[hidden & marked] = ELONGATION_FLAGS["gap"]
     floor = np.where(beside, BESIDE * (1.0 + 2.0 * STEEP / np.maximum(np.abs(slope), STEEP)), FLOOR) * optics.spot
     sigma = np.sqrt(variance * np.maximum(1.0, misfit) + floor**2 * stretch)
     return np.where(accepted, place + shift, np.nan), np.where(accepted, sigma, np.nan), qc

@@ -74,12 +74,12 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
     curve = ToneCurve(max(_darkest(darkness), 3.0 * sigma), 0.2, 1.5)
-    return Optics(spot_size(darkness), 0.0, curve, np.array([sigma**2, max(10.0 * sigma**2, ROUGH)]))
+    return Optics(spot_size(np.nan_to_num(darkness)), 0.0, curve, np.array([sigma**2, max(10.0 * sigma**2, ROUGH)]))
 
 
 def _darkest(darkness: NDArray[np.float32]) -> float:
     """Darkness of endless exposure, as the darkest pixels of a piece of film suggest it."""
-    return 1.1 * float(np.quantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
+    return 1.1 * float(np.nanquantile(darkness, 1.0 - min(2e-4, 20.0 / darkness.size)))
 
 
 def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
@@ -105,7 +105,7 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
             whole = _whole(read, count)
             if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
-            piece = shown_darkness(emulsion, scan, first, stop)
+            piece = shown_darkness(emulsion, scan, first, stop, np.nan)
             guess = emulsion if known else first_optics(piece, float(np.sqrt(emulsion.grain[0])))
             one = _read_askew(piece, first, guess, read[0].period if read else emulsion.swing, count)
             tried.append((first, stop))
@@ -120,7 +120,7 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
     for first, stop in tried if count is None else sections(scan.rows, height):
         if first == section.first or len(section.swings) == count:
             continue
-        piece = shown_darkness(emulsion, scan, first, stop)
+        piece = shown_darkness(emulsion, scan, first, stop, np.nan)
         other = read_section(piece, first, section.optics, section.period, count, least=SURE)
         if other is not None and len(other.swings) > len(section.swings):
             section = other
@@ -199,7 +199,7 @@ def calibrate(section: Section, optics: Optics) -> Optics:
     unknowns[:SHAPE] = np.log([optics.spot, curve.darkest, curve.middle / typical, curve.contrast, curve.shoulder])
     for _ in range(ROUNDS):
         dark, pixels = model(unknowns)
-        residual = pixels - dark
+        residual = np.nan_to_num(pixels - dark)  # beside what is hidden
         weight = 1.0 / (grain[0] + grain[1] * dark)
         size = np.abs(residual) * np.sqrt(weight)
         weight = weight * np.where(size > HUBER, HUBER / np.maximum(size, 1e-9), 1.0)
@@ -271,7 +271,8 @@ def _open_rows(section: Section, spot: float) -> tuple[NDArray[np.int64], NDArra
         order = np.argsort(lean)
         each[order] /= np.maximum(median_filter(each[order], ALIKE_ROWS), 0.1)
     doubtful = ~np.isfinite(section.place) | (share < LACKING)
-    near = maximum_filter1d(doubtful, 2 * NEAR_GAP + 1, mode="constant")
+    hidden = np.isnan(section.darkness).any(axis=1)  # which takes no light from the rows beside
+    near = doubtful | maximum_filter1d(doubtful & ~hidden, 2 * NEAR_GAP + 1, mode="constant")
     reach = spot * (6.0 + 5.0 * np.abs(slope))
     rows = []
     for k in range(len(place)):

@@ -127,7 +127,7 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
 
     `sigma` is that of one pixel of blank film, `period` the rows in a full swing, if known.
     """
-    smooth, points = turning_points(darkness, spot)
+    smooth, points = turning_points(np.nan_to_num(darkness), spot)
     if points.shape[0] < 3:
         return []
     least = NOISE * sigma / (2.0 * np.sqrt(np.pi) * 0.8 * spot) * 1.3

@@ -59,14 +59,14 @@ class Film:
         height = int(np.clip(round(PIECE_SWINGS * self.period), 48, 2048))
         return [(first, min(first + height, self.scan.rows)) for first in range(0, self.scan.rows, height)]
 
-    def darkness(self, first: int, stop: int, blind: float = 0.0) -> NDArray[np.float32]:
-        """Rows `first` to `stop`, above blank film; NaN where nothing is to be read, `blind` on dark marks."""
-        darkness = shown_darkness(self.emulsion, self.scan, first, stop, blind)
+    def darkness(self, first: int, stop: int) -> NDArray[np.float32]:
+        """Rows `first` to `stop`, above blank film; NaN where nothing is to be read."""
+        darkness = shown_darkness(self.emulsion, self.scan, first, stop, np.nan)
         return darkness if self.edits is None else self.edits.hide(darkness, first)
 
     def pixels(self, pieces: range) -> Iterator[NDArray[np.float32]]:
-        """The darkness of some pieces, in their order; NaN where nothing is to be read."""
-        return in_order(lambda number: self.darkness(*self.pieces[number], np.nan), pieces, self.jobs)
+        """The darkness of some pieces, in their order."""
+        return in_order(lambda number: self.darkness(*self.pieces[number]), pieces, self.jobs)
 
     def section(self, first: int, stop: int, traces: int) -> Section | None:
         """The traces found anew on the section that begins at a row and reaches to `stop` at least."""

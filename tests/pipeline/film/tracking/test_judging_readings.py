@@ -32,7 +32,7 @@ def judged(reading: dict[int, Any], **other: Any) -> Any:
         rows[name][AT] = value
     return judge(
         table, np.full(ROWS, 120.0), np.full(ROWS, 1e-3), rows["disagreement"], rows["known"], rows["open"],
-        np.ones(ROWS), rows["black"], OPTICS, 24,
+        np.ones(ROWS), rows["black"], OPTICS, False,
     )  # fmt: skip
 
 

@@ -169,9 +169,7 @@ def judge(
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
     # beside what is hidden a gap is not seen whole
     hidden, margin = followed & np.isnan(light), 0 if marked else round(MARGIN_SPOTS * optics.spot)
-    followed = followed & ~ndimage.binary_dilation(
-        hidden, np.ones(2 * margin + 1, bool)
-    )
+    followed = followed & ~ndimage.binary_dilation(hidden, np.ones(2 * margin + 1, bool))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)

@@ -52,7 +52,9 @@ def test_time_by_marks_beside_traces_is_true(style: str, tmp_path: Path) -> None
         assert np.nanmax(np.abs(error)) < 1e-3  # s, a fifth of a spot's dwell
         assert np.sqrt(np.nanmean(error**2)) < 2.5 * np.sqrt(np.nanmean(found.axis.seconds_sigma**2))
         place = np.array(truth["traces"][trace]["column_of_row"])
-        assert np.nanmax(np.abs(found.tracks.position[trace] - place)) < 12.0  # rows under a line are not read
+        away = found.tracks.position[trace] - place
+        assert np.isfinite(away).mean() > (0.6 if style == "dark lines" else 0.9)  # rows under a line are not read
+        assert np.nanmax(np.abs(away)) < 12.0
 
 
 def test_wire_across_all_light_is_read_by_gaps(tmp_path: Path) -> None:

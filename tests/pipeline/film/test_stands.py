@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,8 @@ from pipeline.film import digitise
 from pipeline.film.marks.alignment import Stand, light_across, swept, together
 from pipeline.film.marks.alignment import bars as bars_of
 from pipeline.film.marks.axis import axis_of
+from pipeline.film.marks.lines import Lines
+from pipeline.film.marks.search import GapSearch
 from pipeline.film.parts import Marking, TimeAxis, Tracks
 from tests.films.make import write
 from tests.pipeline.film.mark_lists import Case, Made, made, slips
@@ -86,6 +89,32 @@ def test_several_stands_in_one_film() -> None:
     axis, truth = read(Case(minutes=10.0, stands=((90.2, 1.01), (250.7, 2.02), (431.1, 5.05))), 1.1)
     assert np.abs(errors(axis, truth)).max() < 3e-3
     assert np.isfinite(axis.seconds).mean() > 0.8  # a part with too few codes is cut off
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("code", [0.125, None])
+def test_a_bar_where_the_paper_never_stood_makes_no_time_wrong(code: float | None) -> None:
+    """Dirt as long as the light of a second: pendulums say that none passed."""
+    truth = made(Case(minutes=4.0, code=code))
+    bar = Stand(float(truth.row[200]) + 12.0, 59.0, False)
+    axis = axis_of(truth.search([[bar]] * 2), truth.tracks, Marking(minute_code=code))
+    assert np.abs(errors(axis, truth)).max() < 3e-3
+
+
+@pytest.mark.compiled
+def test_long_marks_across_the_film_are_no_stands() -> None:
+    """Their light lies on the swings, too."""
+    truth = made(Case(minutes=7.0, code=None, traces=1, unseen=0.0))
+    minutes = truth.row[np.mod(truth.number, 120.0) == 0.0]
+    long = np.abs(truth.gaps.row[:, None] - minutes).min(axis=1) < 2.0
+    gaps = replace(truth.gaps, width=np.where(long, 3.0, 1.0) * truth.gaps.width)
+    dark = np.zeros(truth.seconds.size)
+    lines = Lines("dark-lines", dark, dark, noise=0.01, shear=0.0, shear_sigma=0.0)
+    bars = [[Stand(row, 59.0, False) for row in minutes.tolist()]]
+    axis = axis_of(GapSearch(gaps, bars, truth.width, lines), truth.tracks, Marking(minute_code=0.0))
+    assert "film-stood-still" not in axis.flags
+    assert "film-cut" not in axis.flags
+    assert np.all(slips(axis.index, axis.row, truth) == 0.0)
 
 
 @pytest.mark.compiled

@@ -118,6 +118,7 @@ def test_a_difference_that_sways_alone_is_exchanged() -> None:
     sway, paper = 20.0 * np.cos(0.3 * TIME), 12.0 * np.sin(0.7 * TIME)
     swayed = traces(STILL, sway)
     assert exchanged(TIME, swayed[::-1], SUMS, PERIOD)
+    assert exchanged(TIME, swayed[::-1] + 0.5 * TIME, SUMS, PERIOD)  # on a film that lies askew
     assert paper_motion(TIME, TIME, swayed[::-1], SUMS, PERIOD) is None
     assert not exchanged(TIME, swayed, SUMS, PERIOD)
     assert not exchanged(TIME, traces(paper, sway), SUMS, PERIOD)

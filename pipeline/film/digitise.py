@@ -17,9 +17,10 @@ from data_schemas.film_edits import FilmEdits, load_edits
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import attributes, dataset
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.following import Progress, find_time
+from pipeline.film.following import SWAYING, Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.normal_points import clock_uncertainty
+from pipeline.film.parts import Floats
 from pipeline.film.reading import Reading, accepted_fraction, read_traces
 from pipeline.film.scan.opening import OpenScan, open_scan
 from pipeline.film.wander import Paper, paper_motion
@@ -142,9 +143,11 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     labels = [str(each.label) for each in pendulums]
     combination = np.array([[trace.combination.get(label, 0.0) for label in labels] for trace in traces])
     column, period = samples.column[order], reading.tracks.rows_per_swing / axis.rows_per_second
-    row = np.interp(samples.time, axis.index * axis.interval, axis.row)
-    paper = paper_motion(samples.time, row, column, combination.sum(axis=1), period)
+    shown = (samples.time, column) if reading.kind != "strobe" else courses(reading, order)
+    row = np.interp(shown[0], axis.index * axis.interval, axis.row)
+    paper = paper_motion(shown[0], row, shown[1], combination.sum(axis=1), period)
     if paper is not None:
+        paper = paper.at(samples.time, shown[0])
         column = np.where(paper.creased, np.nan, column - paper.shift)
     doubtful = np.zeros(samples.time.size)
     for first, last, by in axis.doubts:
@@ -201,6 +204,18 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     if instrument is not None:
         groups["/instrument"] = instrument
     return xr.DataTree.from_dict(groups)
+
+
+def courses(reading: Reading, order: list[int]) -> tuple[Floats, Floats]:
+    """Times, s, and columns of the traces in an order, px, of a film that was read at the marks: more than these show.
+
+    Its traces' courses, where rows were read; else the places at the marks.
+    """
+    tracks, seconds = reading.tracks, reading.axis.seconds
+    if not np.isfinite(tracks.position).any():
+        return reading.samples.time, reading.samples.column[order]
+    timed = np.flatnonzero(np.isfinite(seconds))[:: max(1, int(tracks.rows_per_swing / SWAYING))]
+    return seconds[timed], tracks.course[order][:, timed]
 
 
 def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:

@@ -22,7 +22,8 @@ SWINGS = 3.0  # of a window in which the slow part is told from the swing
 REACH = 2.5  # swings on either side of an event
 LEAST = 24  # samples of a window
 SPARSE = 0.6  # of a swing between samples
-SHOWS, HALF = 2.0, 0.5  # px, 1 sigma of a wander that is taken off; of it, what every trace has of it at least
+SHOWS, SWAYS = 0.3, 2.0  # px, 1 sigma of a wander that is taken off; of a sway that tells differences from pendulums
+HALF = 0.5  # of either, what every trace has of it at least
 CREASES = (0.25, 0.5)  # swings in which a crease fades on either side
 HIDES = 3.0  # such lengths, in which it is left out
 LEAST_EVENT, STANDS_OUT, SHOWN = 0.4, 12.0, 5.0  # px; of its sigma, at its time and beside it
@@ -38,6 +39,11 @@ class Paper(NamedTuple):
     creased: NDArray[np.bool_]  # (samples,), on a crease
     steps: tuple[float, ...]  # s, when
     creases: int
+
+    def at(self, instants: Floats, time: Floats) -> Paper:
+        """The same at other instants than those of the samples, `time`, s."""
+        near = np.searchsorted(0.5 * (time[1:] + time[:-1]), instants)
+        return self._replace(shift=np.interp(instants, time, self.shift), creased=self.creased[near])
 
 
 class Event(NamedTuple):
@@ -72,7 +78,7 @@ def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period
         aside, hidden = event.moves(time)
         shift, creased = shift + aside, creased | hidden
     for part in (partial(even_part, row), slow_part):
-        slow, all_move = sideways(part, time, np.where(creased, np.nan, column - shift), differences, period)
+        slow, all_move = sideways(part, SHOWS, time, np.where(creased, np.nan, column - shift), differences, period)
         if slow is not None and all_move:
             shift = shift + slow
     if not shift.any() and not creased.any():
@@ -88,22 +94,23 @@ def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool
     """
     even = [even_part(time, time, own, period) for own in column]  # of a film that lies turned
     upright = np.stack([own - (0.0 if lean is None else lean) for own, lean in zip(column, even, strict=True)])
-    aside, all_move = sideways(slow_part, time, upright, np.abs(sums) < 1e-9, period)
+    aside, all_move = sideways(slow_part, SWAYS, time, upright, np.abs(sums) < 1e-9, period)
     return aside is not None and not all_move
 
 
 def sideways(
     part: Callable[[Floats, Floats, float], Floats | None],
+    least: float,
     time: Floats,
     column: Floats,
     differences: NDArray[np.bool_],
     period: float,
 ) -> tuple[Floats | None, bool]:
-    """A part of the differences' motion, (samples,) px, None where none shows; whether all others move as much."""
+    """A part of the differences' motion, (samples,) px, None under `least`, 1 sigma; if all others move as much."""
     known = [each for each in (part(time, own, period) for own in column[differences]) if each is not None]
     aside = np.mean(known, axis=0) if known else np.zeros(1)
     moved = float(np.std(aside))
-    if moved <= SHOWS:
+    if moved <= least:
         return None, True
     others = [part(time, own, period) for own in column[~differences]]
     return aside, all(each is None or float(np.std(each)) >= HALF * moved for each in others)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from data_schemas.errors import RefusedError, UsageError
 from pipeline.film.following import SLOW, FilmTraces
 from pipeline.film.knowledge import Known, film_scale
+from pipeline.film.marks.search import GapSearch
 from pipeline.film.normal_points import PhaseDifference, compare, normal_points
 from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -91,7 +92,8 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
     from pipeline.film.marks.strobe import read_at_marks
 
     scan, tracks, reading = traces.scan, traces.tracks, known.options.reading
-    strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, jobs), axis)
+    width = traces.search.width if isinstance(traces.search, GapSearch) else None
+    strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, width, jobs), axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [each for each in (*scan.notes, note) if each]
     speed = axis.usual_rows_per_second * scale

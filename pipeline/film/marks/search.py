@@ -195,10 +195,10 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
     return gaps.pick(np.argsort(gaps.row, kind="stable"))
 
 
-def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
+def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, known: float | None = None) -> float:
     """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
 
-    `RefusedError`: too few of them.
+    With too few of them those `known`; `RefusedError` where none are.
     """
     length, steps = min(scan.rows, SAMPLE_ROWS), _steps(tracks)
     runs: list[float] = []
@@ -210,6 +210,8 @@ def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks) -> float:
             runs.extend(_dark_runs(light, lean) * length / rows.size)
     inside = np.array([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
     if inside.size < LEAST_RUNS:
+        if known is not None:
+            return known
         raise RefusedError(
             f"film: {inside.size} gaps in the traces, too few to tell how long the shutter closed; "
             "state the gap and the rows per second, or check that the film bears time marks"

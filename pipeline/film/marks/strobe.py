@@ -29,12 +29,15 @@ FLOOR = 0.06  # px along the film, of courses that are a little wrong
 Integers = NDArray[np.int64]
 
 
-def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, jobs: int = 1) -> Strobe:
+def read_at_marks(
+    scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: TimeAxis, closed: float | None = None, jobs: int = 1
+) -> Strobe:
     """Place of every trace at every mark from the first to the last, also where the search had missed it.
 
-    Where to look is known from the `axis`; places do not depend on it. Up to `jobs` threads work.
+    Where to look is known from the `axis`; places do not depend on it. `closed` are the rows for which the shutter
+    closes where too few gaps tell. Up to `jobs` threads work.
 
-    `RefusedError`: there are too few gaps to estimate how long the shutter closed.
+    `RefusedError`: nothing tells it.
     """
     if axis.kind != "gaps":
         nothing = np.empty((len(tracks.course), 0))
@@ -44,7 +47,7 @@ def read_at_marks(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, axis: Time
     known = np.flatnonzero(np.isfinite(axis.seconds))
     row = np.interp(index * axis.interval, axis.seconds[known], known + 0.5)
     row[axis.index - index[0]] = axis.row
-    usual = learned_width(scan, emulsion, tracks)
+    usual = learned_width(scan, emulsion, tracks, closed)
     pace = np.gradient(row, index * axis.interval)
     pace /= np.median(pace)
     met = [_on_trace(tracks, k, row + late, axis.shear) for k, late in enumerate(axis.offset)]

@@ -31,17 +31,18 @@ def reading(
     kind: str = "continuous",
     swapped: bool = False,
     strobe_late: float = 0.0,
+    wander: float = 0.0,
     seed: int = 0,
 ) -> Reading:
-    """Two traces, "1" at the left unless `swapped`; the strobe may lag by some seconds."""
+    """Two traces, "1" at the left unless `swapped`; the strobe may lag by some seconds, and paper `wander`, px."""
     rng = np.random.default_rng(seed)
     count = round(seconds * ROWS_PER_SECOND)
     t = (np.arange(count) + 0.5) / ROWS_PER_SECOND
     order = ("1-2", "1") if swapped else ("1", "1-2")
 
     def columns(when: np.ndarray) -> np.ndarray:
-        values = angles(when)
-        return np.array([rest + values[name] * LEVER / SCALE for rest, name in zip(RESTS, order, strict=True)])
+        values, aside = angles(when), wander * np.sin(2 * np.pi * when / 17.0)
+        return np.array([rest + aside + values[name] * LEVER / SCALE for rest, name in zip(RESTS, order, strict=True)])
 
     step = 1e-3 / ROWS_PER_SECOND
     course = columns(t)

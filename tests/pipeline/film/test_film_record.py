@@ -59,6 +59,19 @@ def test_record_is_valid_and_holds_the_angles(tmp_path, kind):
     assert record["film"].attrs["reading"] == kind
 
 
+@pytest.mark.parametrize("kind", ["continuous", "strobe"])
+def test_paper_that_wanders_by_a_pixel_leaves_no_trace(tmp_path, kind):
+    """Two samples a swing do not tell a wander; the rows between them do."""
+    found = reading(tmp_path, kind=kind, seconds=120.0, wander=1.0)
+    record = make_record(found, Known(None, TWO), "night")
+    assert "paper-wandered" in record["film"].attrs["flags"]
+    time, angle = record.dataset["time"].values, record["record"]["elongation"].values
+    inside = (time > 3.0) & (time < 117.0)
+    for k, name in enumerate(("1", "1-2")):
+        wrong = (angle[k] - angles(time)[name])[inside]
+        assert np.nanstd(wrong) < 0.03 * SCALE / LEVER  # rad: of a pixel
+
+
 def test_film_group_says_where_it_comes_from_and_what_was_believed(tmp_path):
     found = reading(tmp_path)
     record = make_record(found, Known(None, TWO), "night")

@@ -106,6 +106,7 @@ def test_blank_film_has_no_gaps(minute: Film) -> None:
     assert find_gaps(Pixels(blank), minute.emulsion, minute.tracks, WIDTH)[0].size == 0
     with pytest.raises(RefusedError, match="too few"):
         learned_width(Pixels(blank), minute.emulsion, minute.tracks)
+    assert learned_width(Pixels(blank), minute.emulsion, minute.tracks, 1.7) == 1.7  # as was stated
 
 
 def test_dust_is_not_taken_for_gaps() -> None:

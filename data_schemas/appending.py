@@ -84,16 +84,6 @@ class Appended:
 
     `length` is the number of samples of the whole; `path` and `overwrite` are those of `write`, as is the `FileError`
     that any method may raise. Variables without time are those of the first portion, attributes those of the last.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> portion = {"": Group({}, {"a": Entry(("time",), np.array([1.0, 2.0]))})}
-    >>> with tempfile.TemporaryDirectory() as folder, Appended(f"{folder}/a.nc", 4) as file:
-    ...     file.append(portion)
-    ...     file.append(portion)
-    ...     file.finish()
-    ...     file.publish()
     """
 
     def __init__(self, path: str | os.PathLike[str], length: int, *, overwrite: bool = False) -> None:

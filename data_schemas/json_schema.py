@@ -83,9 +83,7 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
 
 
 def _group_schema(path: str) -> dict[str, Any]:
-    words = {
-        name: {"enum": list(words), "default": words[0]} for (group, name), words in WORDS.items() if group == path
-    }
+    words = {name: {"enum": [*said], "default": said[0]} for (group, name), said in WORDS.items() if group == path}
     attributes = _object(words, [], additionalProperties=_ATTRIBUTE)
     return _object({"attributes": attributes, "variables": _variables_schema(path)}, ["variables"])
 

@@ -264,12 +264,9 @@ def attributes(key: str) -> dict[str, Any]:
 
 
 def dataset(
-    group: str,
-    values: Mapping[str, Any],
-    coordinates: Mapping[str, Any] = MappingProxyType({}),
-    extra: Mapping[str, tuple[str, str]] = MappingProxyType({}),
-    dims: tuple[str, ...] = (),
-) -> xr.Dataset:
+    group: str, values: Mapping[str, Any], coordinates: Mapping[str, Any] = MappingProxyType({}),
+    extra: Mapping[str, tuple[str, str]] = MappingProxyType({}), dims: tuple[str, ...] = (),
+) -> xr.Dataset:  # fmt: skip
     """A group of a file: dimensions, units and meaning of its values from the table.
 
     `extra` has units and meanings of values that the table does not know, all with the dimensions `dims`.
@@ -326,13 +323,6 @@ def same_unit(given: object, wanted: str) -> bool:
     """Whether a unit as found in a file means the unit of the table.
 
     A unit of time with an epoch matches any epoch.
-
-    Examples
-    --------
-    >>> same_unit("m/s^2", "m s-2"), same_unit("deg", "rad")
-    (True, False)
-    >>> same_unit("seconds since 1958-07-01", "seconds since 2000-01-01")
-    True
     """
     if not isinstance(given, str):
         # a dimensionless unit is written by some as the number 1

@@ -171,13 +171,7 @@ def reason(error: OSError) -> str:
 
 
 def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Shape of a chunk of at most `CHUNK` elements, filled from the last dimension on.
-
-    Examples
-    --------
-    >>> chunk_shape((2, 45001)), chunk_shape((8, 100)), chunk_shape((3, 10**6))
-    ((1, 45001), (8, 100), (1, 65536))
-    """
+    """Shape of a chunk of at most `CHUNK` elements, filled from the last dimension on."""
     left, chunk = CHUNK, []
     for length in reversed(shape):
         chunk.append(max(1, min(length, left)))

@@ -25,7 +25,7 @@ from synth.phase import Floats
 from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, own_mass, pushed
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, pushed
 
 Exact = list[tuple[Fraction, Fraction]]
 
@@ -67,7 +67,7 @@ def linear_part(system: Any) -> Exact:
     if isinstance(system, ElasticBeam | FlexibleFrame):
         gravity = Fraction(float(system.gravity))
         clocks = [(gravity / Fraction(float(length)), Fraction(0)) for length in system.length]
-        total = Fraction(float(own_mass(system))) + sum(Fraction(float(mass)) for mass in system.mass)
+        total = Fraction(float(system.own_mass)) + sum(Fraction(float(mass)) for mass in system.mass)
         if isinstance(system, ElasticBeam):
             loss = Fraction(float(system.damping_rate))
         else:
@@ -87,7 +87,7 @@ def linear_part(system: Any) -> Exact:
 def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) -> None:
     position, rate, room = work.position, work.rate, work.room
     count, gravity = system.length.size, system.gravity
-    whole = own_mass(system)
+    whole = system.own_mass
     for p in range(count):
         whole += system.mass[p]
     for j in range(0, NODES, LANES):

@@ -97,8 +97,10 @@ def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
     with weight times l_k there; weight times l_k at all nodes, (node, point, k)."""
     nodes = np.longdouble(0.5) + gauss_nodes().astype(np.longdouble) / (2 * FINE)
     places = np.append(nodes, np.longdouble(1.0))
-    abscissa, share = _gauss()
-    points = places[:, None] * abscissa
+    with _ALONE, ctx.workprec(_BITS):  # the Gauss-Legendre rule on [0, 1]
+        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
+        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
+    points = places[:, None] * (np.longdouble(0.5) + abscissa)
     distance = points[:, :, None] - nodes
     rest = [np.delete(distance, k, axis=2) / (nodes[k] - np.delete(nodes, k)) for k in range(NODES)]
     basis = np.stack([each.prod(axis=2) for each in rest], axis=2) * (places[:, None] * share)[:, :, None]
@@ -111,14 +113,6 @@ def _long(ball: Any) -> Any:
     """The number as a long double."""
     leading = float(ball)
     return np.longdouble(leading) + np.longdouble(float(ball - leading))
-
-
-def _gauss() -> tuple[Longs, Longs]:
-    """Gauss-Legendre rule on [0, 1] in long doubles."""
-    with _ALONE, ctx.workprec(_BITS):
-        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
-        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
-    return np.longdouble(0.5) + abscissa, share
 
 
 def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:

@@ -60,11 +60,7 @@ class DrivenPendulums(NamedTuple):
     vertical: Any = None  # z'', up positive: `Harmonics` or None
     terms: Any = None  # Resistances and drives, `terms.together(...)`, or None
     kicks: Any = None  # `terms.Impulses`, which the explicit integrator alone knows, or None
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 0
+    first_angle: int = 0  # Place of the first pendulum's angle in the state
 
 
 @or_none

@@ -12,7 +12,8 @@ import os
 import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -57,7 +58,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type
         or name that no file can hold. Nothing is left behind, and an older file stays as it was.
     """
-    with _placed(path, overwrite, owner) as temporary:
+    with Placed(path, overwrite=overwrite, owner=owner) as place, place.named():
         try:
             contents = from_tree(tree)
             contents[""].attrs.pop(ATTRIBUTE, None)
@@ -65,32 +66,50 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
             image = encoded(contents)
         except FileError as error:
             raise FileError(f"{shown(path, 400)}: {error}") from None
-        _flushed(temporary, image)
-        if not _verified(temporary, image):
+        _flushed(place.temporary, image)
+        if not _verified(place.temporary, image):
             raise FileError(f"{shown(path, 400)}: was not written, the disk gives other bytes back; check the disk")
+        place.publish()
 
 
 def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
     """Write a text file that is either whole or not there, UTF-8; raises as `write`."""
-    with _placed(path, overwrite, owner) as temporary:
-        _flushed(temporary, memoryview(text.encode()))
+    with Placed(path, overwrite=overwrite, owner=owner) as place, place.named():
+        _flushed(place.temporary, memoryview(text.encode()))
+        place.publish()
 
 
-@contextlib.contextmanager
-def _placed(path: str | os.PathLike[str], overwrite: bool, owner: str) -> Iterator[Path]:
-    """A temporary path beside that of a file: it gets the file's name at the end, or is removed after a fault."""
-    target = place_of(path)
-    temporary = beside(target, owner)
-    try:
-        may_write(target, path, overwrite)
-        yield temporary
-        give_name(temporary, target, path, overwrite)
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-    finally:
-        # gone already when it was renamed; a folder that went away took it along
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+class Placed:
+    """A file that is made under a `temporary` name beside its own; the end of the block removes what has no name then.
+
+    `FileError`, at once, where no file can be or one is that may not be replaced.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
+        self.path, self.overwrite, self.target = path, overwrite, place_of(path)
+        self.temporary = beside(self.target, owner)
+
+    def __enter__(self) -> Self:
+        with self.named():
+            may_write(self.target, self.path, self.overwrite)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with contextlib.suppress(OSError):  # it has its name, or was never made, or went away with its folder
+            self.temporary.unlink()
+
+    def publish(self) -> None:
+        """Give the finished file its name, in one step."""
+        with self.named():
+            give_name(self.temporary, self.target, self.path, self.overwrite)
+
+    @contextlib.contextmanager
+    def named(self) -> Iterator[None]:
+        """Faults of the disk in one line that names the file."""
+        try:
+            yield
+        except OSError as error:
+            raise FileError(f"{shown(self.path, 400)}: cannot be written, {reason(error)}") from error
 
 
 def place_of(path: str | os.PathLike[str]) -> Path:

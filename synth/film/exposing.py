@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from data_schemas import film_description
 from data_schemas.appending import Appended
-from data_schemas.contents import Contents, Entry, Group, shown
-from data_schemas.errors import FileError, UsageError
+from data_schemas.contents import Contents, Entry, Group
+from data_schemas.errors import UsageError
 from data_schemas.layouts import root_attributes
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Film
 from data_schemas.shield import shielded
 from data_schemas.text_files import toml_text
 from data_schemas.variables import attributes
-from data_schemas.writing import beside, give_name, may_write, place_of, reason, write_text
+from data_schemas.writing import Placed, write_text
 from synth import load_film
 from synth.film.layout import STRIP, FilmPlan, Pixels, plan_film
 from synth.film.source import source_of
@@ -123,8 +123,8 @@ def expose_to(
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
     description, truth = film_description.description_path(target), film_truth_path(target)
     for each in (target, description, truth):  # refused before the work, not after it
-        with _write_errors(each):
-            may_write(place_of(each), each, overwrite)
+        with Placed(each, overwrite=overwrite):
+            pass
     scene = source if isinstance(source, Scene) else None
     if film is None:
         film = scene.film if scene is not None and scene.film is not None else Film()
@@ -229,16 +229,7 @@ def _truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
     return lay_out
 
 
-@contextlib.contextmanager
-def _write_errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """`OSError` becomes `FileError` with the file's name and the remedy."""
-    try:
-        yield
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-
-
-class ImageFile:
+class ImageFile(Placed):
     """A BigTIFF of known size whose rows come in any order; a context that leaves nothing behind without `publish`.
 
     The file's folder must exist. `FileError` as `data_schemas.write`, from any method; `UsageError` where the package
@@ -251,10 +242,8 @@ class ImageFile:
     def __init__(
         self, path: str | os.PathLike[str], rows: int, columns: int, bits: int, dpi: float, *, overwrite: bool = False
     ) -> None:
-        self._path, self._overwrite = path, overwrite
+        super().__init__(path, overwrite=overwrite)
         self._shape, self._bits, self._dpi = (rows, columns), bits, dpi
-        self._target = place_of(path)
-        self._temporary = beside(self._target)
 
     def __enter__(self) -> Self:
         try:
@@ -263,40 +252,34 @@ class ImageFile:
             raise UsageError(
                 "films need the package tifffile; install it with: pip install 'isochrony[film]'"
             ) from None
-        with _write_errors(self._path):
-            may_write(self._target, self._path, self._overwrite)
-            with tifffile.TiffWriter(self._temporary, bigtiff=True, byteorder="<") as made:
+        super().__enter__()
+        with self.named():
+            with tifffile.TiffWriter(self.temporary, bigtiff=True, byteorder="<") as made:
                 self._begin, _ = made.write(
                     shape=self._shape, dtype=f"uint{self._bits}", rowsperstrip=STRIP, photometric="minisblack",
                     resolution=(self._dpi, self._dpi), resolutionunit="INCH", software="isochrony", metadata=None,
                     returnoffset=True,
                 )  # fmt: skip
-            self._file = open(self._temporary, "r+b")  # closed at the end of the block
+            self._file = open(self.temporary, "r+b")  # closed at the end of the block
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         with contextlib.suppress(OSError):
             if self._file is not None:
                 self._file.close()
-        with contextlib.suppress(OSError):  # renamed already, or never made
-            self._temporary.unlink()
+        super().__exit__(kind, error, at)
 
     def write(self, first: int, pixels: NDArray[Any]) -> None:
         """Write rows from number `first` on."""
         assert self._file is not None
-        with _write_errors(self._path):
+        with self.named():
             self._file.seek(self._begin + first * self._shape[1] * self._bits // 8)
             self._file.write(np.ascontiguousarray(pixels, dtype=f"<u{self._bits // 8}").data)
 
     def finish(self) -> None:
         """Bring the file to the disk, so that `publish` only gives it its name."""
         assert self._file is not None
-        with _write_errors(self._path):
+        with self.named():
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
-
-    def publish(self) -> None:
-        """Give the finished file its name, in one step."""
-        with _write_errors(self._path):
-            give_name(self._temporary, self._target, self._path, self._overwrite)

@@ -23,21 +23,9 @@ _ATTRIBUTE = {"oneOf": [_VALUE, {"type": "array", "items": _VALUE}]}
 
 
 def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth", "summary"]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a scene, or of the header of a file of another kind.
+    """JSON Schema (draft 2020-12), in plain JSON values, of a scene, or of the header of a file of another kind.
 
-    Parameters
-    ----------
-    name : {"scene", "record", "truth", "result", "film-truth", "summary"}
-
-    Returns
-    -------
-    dict
-        Plain JSON values.
-
-    Raises
-    ------
-    UsageError
-        No schema has that name.
+    `UsageError`: no schema has that name.
 
     Examples
     --------

@@ -91,7 +91,13 @@ class Placed:
 
     def __enter__(self) -> Self:
         with self.named():
-            may_write(self.target, self.path, self.overwrite)
+            if not self.target.parent.is_dir():
+                raise FileError(f"{shown(self.path, 400)}: its folder does not exist; make the folder first")
+            if os.path.lexists(self.target):
+                if self.target.is_dir() or not (self.target.is_file() or self.target.is_symlink()):
+                    raise FileError(f"{shown(self.path, 400)}: is not an ordinary file; give the path of a file")
+                if not self.overwrite:
+                    raise _exists(self.path)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
@@ -116,21 +122,6 @@ def place_of(path: str | os.PathLike[str]) -> Path:
     """Where a file of that name goes: folders may be links, a link of the name itself is replaced, not followed."""
     folder, name = os.path.split(os.fspath(path))
     return Path(os.path.realpath(folder or os.curdir), name)
-
-
-def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Refuse a place where no file can be, or where one is that may not be replaced.
-
-    `FileError`; `OSError` where the folder cannot be looked into.
-    """
-    if not target.parent.is_dir():
-        raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
-    if not os.path.lexists(target):
-        return
-    if target.is_dir() or not (target.is_file() or target.is_symlink()):
-        raise FileError(f"{shown(path, 400)}: is not an ordinary file; give the path of a file")
-    if not overwrite:
-        raise _exists(path)
 
 
 def beside(target: Path, owner: str = "") -> Path:

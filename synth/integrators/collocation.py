@@ -63,13 +63,6 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 
     The system is one of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`. Steps are intervals; evaluations are
     accelerations at single nodes. Refused is what cannot be collocated, or is too violent or too stiff.
-
-    Examples
-    --------
-    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
-    >>> swing = integrate(frame, [0.0, 0.0, 0.1, 0.0, -0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
-    >>> swing.states.shape, swing.estimated_error < 1e-12
-    ((2, 6), True)
     """
     first, instants = checked(start, times, tolerance)
     every = instants

@@ -77,13 +77,6 @@ def integrate(
     The tolerance is from 1e-15 to 1e-2; that of a yielding support may be the share of the swing of the bobs
     (`swing_of_bobs`), the estimate is relative to its own size. `stages` are the fewest and most (3, 5 or 7), by default
     from 3 up to what the tolerance is worth. Source: Hairer and Wanner (1999), J. Comput. Appl. Math. 111, 93-111.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> fast = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 1.0], tolerance=1e-9)
-    >>> round(float(fast.states[1, 0]), 9)
-    1.999333371
     """
     first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
     problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)

@@ -17,16 +17,9 @@ if TYPE_CHECKING:
     from .writing import write as write
 
 _HOME = {
-    "VERSION": "layouts",
-    "adopted": "adopting",
-    "check": "checking",
-    "content_sha256": "checksum",
-    "json_schema": "json_schema",
-    "load_scene": "scene",
-    "read": "reading",
-    "validate": "checking",
-    "write": "writing",
-}
+    "VERSION": "layouts", "adopted": "adopting", "check": "checking", "content_sha256": "checksum",
+    "json_schema": "json_schema", "load_scene": "scene", "read": "reading", "validate": "checking", "write": "writing",
+}  # fmt: skip
 
 __all__ = sorted(_HOME)
 

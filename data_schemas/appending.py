@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterator
 from functools import partial
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import h5py
 import numpy as np
@@ -22,7 +22,7 @@ from .contents import Contents, Entry, Group, key, shown, type_name
 from .errors import FileError
 from .reading import CHUNK_CACHE, skim
 from .shield import shielded
-from .writing import LIBRARY, beside, give_name, lay_out, may_write, place_of, reason, write_attributes
+from .writing import LIBRARY, Placed, lay_out, reason, write_attributes
 
 _ALONG = "time"  # the dimension that grows
 
@@ -79,36 +79,20 @@ class Sink(io.FileIO):
                 self.fault = fault
 
 
-class Appended:
+class Appended(Placed):
     """A file that grows along time; a context manager, whose end without `publish` leaves nothing behind.
 
     `length` is the number of samples of the whole; `path` and `overwrite` are those of `write`, as is the `FileError`
     that any method may raise. Variables without time are those of the first portion, attributes those of the last.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> portion = {"": Group({}, {"a": Entry(("time",), np.array([1.0, 2.0]))})}
-    >>> with tempfile.TemporaryDirectory() as folder, Appended(f"{folder}/a.nc", 4) as file:
-    ...     file.append(portion)
-    ...     file.append(portion)
-    ...     file.finish()
-    ...     file.publish()
     """
 
     def __init__(self, path: str | os.PathLike[str], length: int, *, overwrite: bool = False) -> None:
-        self._path, self._length, self._overwrite, self._done = path, length, overwrite, 0
-        self._target = place_of(path)
-        self._temporary = beside(self._target)
+        super().__init__(path, overwrite=overwrite)
+        self._length, self._done = length, 0
         self._sink: Sink | None = None
         self._file: h5py.File | None = None
         self._arrays: dict[str, h5py.Dataset] = {}
         self._attrs: dict[str, dict[str, Any]] = {}
-
-    def __enter__(self) -> Self:
-        with self._named():
-            may_write(self._target, self._path, self._overwrite)
-        return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         with shielded():
@@ -116,12 +100,11 @@ class Appended:
                 self._sink.fault = OSError("thrown away")  # so that no more is written
             with contextlib.suppress(Exception):  # what counts was raised already
                 self._close()
-            with contextlib.suppress(OSError):  # renamed already, or never made
-                self._temporary.unlink()
+            super().__exit__(kind, error, at)
 
     def append(self, contents: Contents) -> None:
         """Write the next portion: of the same groups, variables and types as the first."""
-        with shielded(), self._named():
+        with shielded(), self.named():
             first = self._file is None
             if first:
                 self._open("x+", "w")
@@ -142,24 +125,19 @@ class Appended:
         """Bring the file to the disk and verify it, so that `publish` only names it; `ValueError`: samples lack."""
         if self._file is None or self._done != self._length:
             raise ValueError(f"{self._done} of {self._length} samples were appended")
-        with shielded(), self._named():
+        with shielded(), self.named():
             for path, attrs in self._attrs.items():
                 attrs.pop(ATTRIBUTE, None)
                 write_attributes(self._file["/" + path], attrs, path or "root")
             self._close()
-        with self._named():
+        with self.named():
             digest = self._verified()
-        with shielded(), self._named():
+        with shielded(), self.named():
             self._open("r+", "r+").attrs[ATTRIBUTE] = digest
             self._close(lasting=True)
 
-    def publish(self) -> None:
-        """Give the finished file its name, in one step."""
-        with self._named():
-            give_name(self._temporary, self._target, self._path, self._overwrite)
-
     def _open(self, mode: str, file_mode: str) -> h5py.File:
-        self._sink = Sink(self._temporary, mode)
+        self._sink = Sink(self.temporary, mode)
         self._file = h5py.File(self._sink, file_mode, libver=LIBRARY, rdcc_nbytes=CHUNK_CACHE, track_order=True)
         return self._file
 
@@ -190,15 +168,15 @@ class Appended:
     def _verified(self) -> str:
         """The checksum of the file on the disk, every chunk compared with the checksum that it was written with."""
         try:
-            return skim(self._temporary)[1]
+            return skim(self.temporary)[1]
         except FileError as error:
-            fault = str(error).removeprefix(f"{shown(self._temporary, 400)}: ")
+            fault = str(error).removeprefix(f"{shown(self.temporary, 400)}: ")
             raise FileError(f"was not written, it would not read back: {fault}") from error
 
     @contextlib.contextmanager
-    def _named(self) -> Iterator[None]:
+    def named(self) -> Iterator[None]:
         """Faults of the disk and of HDF5 in one line that names the file."""
-        name = shown(self._path, 400)
+        name = shown(self.path, 400)
         try:
             yield
         except FileError as error:

@@ -66,14 +66,9 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
 
 def checked(tree: xr.DataTree, schema: Kind) -> Contents:
     """The content of a good tree; `RecordError` with every fault of another."""
-    try:
-        contents = from_tree(tree)
-        found = faults(contents, schema)
-    except FileError as error:
-        found = [str(error)]
-    if found:
+    if found := check(tree, schema):
         raise RecordError("; ".join(found))
-    return contents
+    return from_tree(tree)
 
 
 def validate(path: str | os.PathLike[str]) -> list[str]:

@@ -37,15 +37,7 @@ SLAB = 1 << 16  # Elements of an array of a file that are read at once
 
 
 def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[tuple[int | slice, ...]]:
-    """Index expressions that cover an array in order, last dimension fastest, of at most `most` elements each.
-
-    Examples
-    --------
-    >>> list(slabs((2, 5), 3))
-    [(0, slice(0, 3, None)), (0, slice(3, 6, None)), (1, slice(0, 3, None)), (1, slice(3, 6, None))]
-    >>> list(slabs((5, 2), 4)), list(slabs(()))
-    ([(slice(0, 2, None),), (slice(2, 4, None),), (slice(4, 6, None),)], [()])
-    """
+    """Index expressions that cover an array in order, last dimension fastest, of at most `most` elements each."""
     inner = math.prod(shape[1:])
     if not shape:
         yield ()

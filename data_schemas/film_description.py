@@ -101,13 +101,6 @@ class FilmDescription(Section):
     """What is known of a film without looking at it. What is left out is not known.
 
     Traces stand as they lie from the left to the right at rest, or with their positions.
-
-    Examples
-    --------
-    >>> trace = {"name": "1", "combination": {"1": 1.0}}
-    >>> known = FilmDescription(record_id="a", traces=[trace], pendulums=[{"label": "1", "period": 1.01}])
-    >>> FilmDescription.model_validate(known.model_dump()) == known
-    True
     """
 
     kind: Literal["film-description"] = quantity(KIND, "", "says what this file is")

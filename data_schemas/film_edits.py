@@ -72,11 +72,6 @@ class Mark(_At):
         """Its time, s since `start` (date and time); None where it has none.
 
         Of a time without a date, that within half a day of the start counts.
-
-        Examples
-        --------
-        >>> Mark(row=1.0, time="00:03:00.5").seconds("1937-01-02T23:58:00Z")
-        300.5
         """
         if self.time is None:
             return None
@@ -118,14 +113,7 @@ Edit = Annotated[Mask | Follow | Mark | NoMark | Break | Ignore, Field(discrimin
 
 
 class FilmEdits(Section):
-    """Edits of one film, in the order in which they were made.
-
-    Examples
-    --------
-    >>> edits = FilmEdits(sha256=["0" * 64], edits=[{"kind": "no-mark", "row": 412.5}])
-    >>> edits.edits[0].row, edits.orientation
-    (412.5, 0)
-    """
+    """Edits of one film, in the order in which they were made."""
 
     kind: Literal["film-edits"] = quantity(KIND, "", "says what this file is")
     sha256: tuple[Annotated[str, Field(strict=True, pattern="^[0-9a-f]{64}$")], ...] = quantity(

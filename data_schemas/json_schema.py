@@ -23,21 +23,9 @@ _ATTRIBUTE = {"oneOf": [_VALUE, {"type": "array", "items": _VALUE}]}
 
 
 def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth", "summary"]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12) of a scene, or of the header of a file of another kind.
+    """JSON Schema (draft 2020-12), in plain JSON values, of a scene, or of the header of a file of another kind.
 
-    Parameters
-    ----------
-    name : {"scene", "record", "truth", "result", "film-truth", "summary"}
-
-    Returns
-    -------
-    dict
-        Plain JSON values.
-
-    Raises
-    ------
-    UsageError
-        No schema has that name.
+    `UsageError`: no schema has that name.
 
     Examples
     --------
@@ -83,9 +71,7 @@ def _file_schema(kind: Kind) -> dict[str, Any]:
 
 
 def _group_schema(path: str) -> dict[str, Any]:
-    words = {
-        name: {"enum": list(words), "default": words[0]} for (group, name), words in WORDS.items() if group == path
-    }
+    words = {name: {"enum": [*said], "default": said[0]} for (group, name), said in WORDS.items() if group == path}
     attributes = _object(words, [], additionalProperties=_ATTRIBUTE)
     return _object({"attributes": attributes, "variables": _variables_schema(path)}, ["variables"])
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-from h5py import h5a, h5d, h5ds, h5o, h5r, h5s, h5t
+from h5py import h5a, h5d, h5o, h5r, h5s, h5t
 
 from .checksum import ATTRIBUTE, digest
 from .contents import Contents, Entry, Group, as_attribute, key, shown, to_tree
@@ -81,29 +81,24 @@ def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
 @np.errstate(all="ignore")  # what becomes infinite is a fault of values, which the check reports
 def load(path: Path, budget: Budget | None = None, *, declared: Declared | None = None) -> Contents:
     """The plain content of a file, looked over and verified; what `read` and `validate` share; raises as `read`."""
-    with _opened(path, budget or Budget(), _numbers, declared) as contents:
+    with _opened(path, budget or Budget(), _numbers, declared) as (contents, found):
         stored = contents[""].attrs.pop(ATTRIBUTE, None)
         if stored is not None and stored != digest(contents):
-            if _as_written(path, contents):
+            if _as_written(contents, found):
                 raise FileError(f"{_MISMATCH}; restore it, or delete that attribute if the edit was meant")
             contents[""].attrs[REWRITTEN] = f"by other software: {ATTRIBUTE} did not fit and was left out"
         return current(unpacked(contents))
 
 
-def _as_written(path: Path, contents: Contents) -> bool:
+def _as_written(contents: Contents, found: Survey) -> bool:
     """Whether a file is as `write` makes them: checksums on all arrays of numbers, and no fill values.
 
     xarray's `to_netcdf` carries checksums over from a file that has them, but gives every array of floats a fill value.
     """
     if any("_FillValue" in entry.attrs for group in contents.values() for entry in group.variables.values()):
         return False
-
-    def unprotected(_name: str, node: Any) -> bool | None:  # None: go on to the next
-        numbers = isinstance(node, h5py.Dataset) and node.shape and node.dtype.kind in "iuf"
-        return True if numbers and not (node.fletcher32 or h5ds.is_scale(node.id)) else None
-
-    with h5py.File(path, "r") as file:
-        return file.visititems(unprotected) is None
+    arrays = (h5py.Dataset(one.id) for one in found.arrays if one.id.shape)
+    return all(one.fletcher32 or one.is_scale for one in arrays if one.dtype.kind in "iuf")
 
 
 def skim(path: Path) -> tuple[Contents, str]:
@@ -111,7 +106,7 @@ def skim(path: Path) -> tuple[Contents, str]:
 
     The content lacks ``content_sha256``, and values of arrays of numbers, gone with the file. `FileError`: as `read`.
     """
-    with _opened(path, Budget(), h5py.Dataset) as contents:
+    with _opened(path, Budget(), h5py.Dataset) as (contents, _):
         stored, found = contents[""].attrs.pop(ATTRIBUTE, None), digest(contents)
         if stored not in (None, found):
             raise FileError(_MISMATCH)
@@ -119,7 +114,9 @@ def skim(path: Path) -> tuple[Contents, str]:
 
 
 @contextlib.contextmanager
-def _opened(path: Path, budget: Budget, numbers: NumbersReader, declared: Declared | None = None) -> Iterator[Contents]:
+def _opened(
+    path: Path, budget: Budget, numbers: NumbersReader, declared: Declared | None = None
+) -> Iterator[tuple[Contents, Survey]]:
     """The content as stored, of a file that passed the survey and stays open; `numbers` reads its arrays of numbers."""
     size = ordinary(path)
     try:
@@ -129,7 +126,7 @@ def _opened(path: Path, budget: Budget, numbers: NumbersReader, declared: Declar
             found = survey(file, size, budget)
             if declared is not None:
                 declared(found.declared)
-            yield _Reader(path, found, heaps, numbers).contents()
+            yield _Reader(path, found, heaps, numbers).contents(), found
     except FileError as error:
         raise FileError(f"{shown(path, 400)}: {error}") from None
     except _DAMAGE as error:

@@ -278,7 +278,12 @@ def _check_support(scene: Scene) -> None:
         told = f"support: pendulums on a {support.kind} swing with the full sine; set restoring = 'sine'"
         refuse(scene.restoring != "sine", told)
     if support.kind == "board":
-        _check_board(scene, support.coupling)
+        count = len(scene.pendulums)
+        told = f"support: a coupling of {support.coupling:g} makes {count} metronomes outweigh the whole"
+        refuse(support.coupling * count >= 1, f"{told}; make it smaller than {1 / count:g}")
+        moved = any(term.axis == "horizontal" and term.kind != "still" for term in scene.motion)
+        told = "support: a board that rolls freely stays behind when the ship moves sideways"
+        refuse(moved, f"{told}; remove the horizontal motion, or choose the kind 'frame'")
         return
     for each in scene.pendulums:
         refuse(each.mass is None, f"pendulums: {each.label!r} moves the {support.kind} it hangs on; give its mass")
@@ -294,12 +299,3 @@ def _check_reduced(scene: Scene) -> None:
         refuse(other, f"{what} clocks with a van-der-pol escapement; give {each.label!r} one, {remedy}")
         resisted = any(getattr(each, name) for name in RESISTANCES)
         refuse(resisted, f"{what} no resistance; take that of {each.label!r} away, {remedy}")
-
-
-def _check_board(scene: Scene, coupling: float) -> None:
-    count = len(scene.pendulums)
-    told = f"support: a coupling of {coupling:g} makes {count} metronomes outweigh the whole"
-    refuse(coupling * count >= 1, f"{told}; make it smaller than {1 / count:g}")
-    moved = any(term.axis == "horizontal" and term.kind != "still" for term in scene.motion)
-    told = "support: a board that rolls freely stays behind when the ship moves sideways"
-    refuse(moved, f"{told}; remove the horizontal motion, or choose the kind 'frame'")

@@ -96,13 +96,9 @@ _Kind = TypeVar("_Kind", bound=Section)
 
 
 def load_section(
-    path: str | os.PathLike[str],
-    kind: type[_Kind],
-    what: str,
-    fault: type[IsochronyError],
-    unread: type[IsochronyError] | None = None,
-    context: Mapping[str, Any] | None = None,
-) -> _Kind:
+    path: str | os.PathLike[str], kind: type[_Kind], what: str, fault: type[IsochronyError],
+    unread: type[IsochronyError] | None = None, context: Mapping[str, Any] | None = None,
+) -> _Kind:  # fmt: skip
     """Read a section of its own from a TOML file that should hold `what` ("a scene").
 
     `fault`, in one line: the file, every faulty key, its value and what is allowed. `unread`, as `fault` where it is

@@ -21,17 +21,6 @@ def shielded() -> Iterator[None]:
 
     An exception that a signal raises in the middle of HDF5 or of its wrappers may be lost, or leave a file half
     closed. Other threads than the main one get no signals, and nothing is changed there.
-
-    Examples
-    --------
-    >>> try:
-    ...     with shielded():
-    ...         signal.raise_signal(signal.SIGINT)
-    ...         print("done")
-    ... except KeyboardInterrupt:
-    ...     print("interrupted")
-    done
-    interrupted
     """
     if threading.current_thread() is not threading.main_thread():
         yield

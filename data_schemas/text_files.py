@@ -107,18 +107,6 @@ def toml_text(content: Mapping[str, Any]) -> str:
     """A mapping of text, numbers, truth values, flat lists, tables and lists of tables as TOML.
 
     What is None is left out. Reading it back gives the same values.
-
-    Examples
-    --------
-    >>> print(toml_text({"a": 1.0, "b": None, "c": [{"d": "e", "f": {"1": 1.0, "2": -1.0}}], "g": {"h": True}}), end="")
-    a = 1.0
-    <BLANKLINE>
-    [[c]]
-    d = "e"
-    f = { "1" = 1.0, "2" = -1.0 }
-    <BLANKLINE>
-    [g]
-    h = true
     """
     lines, tables = [], []
     for name, value in content.items():

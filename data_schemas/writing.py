@@ -12,7 +12,8 @@ import os
 import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -57,7 +58,7 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
         The file exists, the folder does not or cannot be written, the disk is full, or a variable has a type
         or name that no file can hold. Nothing is left behind, and an older file stays as it was.
     """
-    with _placed(path, overwrite, owner) as temporary:
+    with Placed(path, overwrite=overwrite, owner=owner) as place, place.named():
         try:
             contents = from_tree(tree)
             contents[""].attrs.pop(ATTRIBUTE, None)
@@ -65,53 +66,62 @@ def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = 
             image = encoded(contents)
         except FileError as error:
             raise FileError(f"{shown(path, 400)}: {error}") from None
-        _flushed(temporary, image)
-        if not _verified(temporary, image):
+        _flushed(place.temporary, image)
+        if not _verified(place.temporary, image):
             raise FileError(f"{shown(path, 400)}: was not written, the disk gives other bytes back; check the disk")
+        place.publish()
 
 
 def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
     """Write a text file that is either whole or not there, UTF-8; raises as `write`."""
-    with _placed(path, overwrite, owner) as temporary:
-        _flushed(temporary, memoryview(text.encode()))
+    with Placed(path, overwrite=overwrite, owner=owner) as place, place.named():
+        _flushed(place.temporary, memoryview(text.encode()))
+        place.publish()
 
 
-@contextlib.contextmanager
-def _placed(path: str | os.PathLike[str], overwrite: bool, owner: str) -> Iterator[Path]:
-    """A temporary path beside that of a file: it gets the file's name at the end, or is removed after a fault."""
-    target = place_of(path)
-    temporary = beside(target, owner)
-    try:
-        may_write(target, path, overwrite)
-        yield temporary
-        give_name(temporary, target, path, overwrite)
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-    finally:
-        # gone already when it was renamed; a folder that went away took it along
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+class Placed:
+    """A file that is made under a `temporary` name beside its own; the end of the block removes what has no name then.
+
+    `FileError`, at once, where no file can be or one is that may not be replaced.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
+        self.path, self.overwrite, self.target = path, overwrite, place_of(path)
+        self.temporary = beside(self.target, owner)
+
+    def __enter__(self) -> Self:
+        with self.named():
+            if not self.target.parent.is_dir():
+                raise FileError(f"{shown(self.path, 400)}: its folder does not exist; make the folder first")
+            if os.path.lexists(self.target):
+                if self.target.is_dir() or not (self.target.is_file() or self.target.is_symlink()):
+                    raise FileError(f"{shown(self.path, 400)}: is not an ordinary file; give the path of a file")
+                if not self.overwrite:
+                    raise _exists(self.path)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with contextlib.suppress(OSError):  # it has its name, or was never made, or went away with its folder
+            self.temporary.unlink()
+
+    def publish(self) -> None:
+        """Give the finished file its name, in one step."""
+        with self.named():
+            give_name(self.temporary, self.target, self.path, self.overwrite)
+
+    @contextlib.contextmanager
+    def named(self) -> Iterator[None]:
+        """Faults of the disk in one line that names the file."""
+        try:
+            yield
+        except OSError as error:
+            raise FileError(f"{shown(self.path, 400)}: cannot be written, {reason(error)}") from error
 
 
 def place_of(path: str | os.PathLike[str]) -> Path:
     """Where a file of that name goes: folders may be links, a link of the name itself is replaced, not followed."""
     folder, name = os.path.split(os.fspath(path))
     return Path(os.path.realpath(folder or os.curdir), name)
-
-
-def may_write(target: Path, path: str | os.PathLike[str], overwrite: bool) -> None:
-    """Refuse a place where no file can be, or where one is that may not be replaced.
-
-    `FileError`; `OSError` where the folder cannot be looked into.
-    """
-    if not target.parent.is_dir():
-        raise FileError(f"{shown(path, 400)}: its folder does not exist; make the folder first")
-    if not os.path.lexists(target):
-        return
-    if target.is_dir() or not (target.is_file() or target.is_symlink()):
-        raise FileError(f"{shown(path, 400)}: is not an ordinary file; give the path of a file")
-    if not overwrite:
-        raise _exists(path)
 
 
 def beside(target: Path, owner: str = "") -> Path:
@@ -171,13 +181,7 @@ def reason(error: OSError) -> str:
 
 
 def chunk_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Shape of a chunk of at most `CHUNK` elements, filled from the last dimension on.
-
-    Examples
-    --------
-    >>> chunk_shape((2, 45001)), chunk_shape((8, 100)), chunk_shape((3, 10**6))
-    ((1, 45001), (8, 100), (1, 65536))
-    """
+    """Shape of a chunk of at most `CHUNK` elements, filled from the last dimension on."""
     left, chunk = CHUNK, []
     for length in reversed(shape):
         chunk.append(max(1, min(length, left)))

@@ -202,6 +202,7 @@ class Kicks:
     seed: int
     labels: tuple[str, ...]  # Of the pendulums
     jumps: tuple[Jump, ...] = ()
+    held: tuple[tuple[int, float, float, float], ...] = ()  # Pendulum, from when to when, s, at which angle, rad
 
     def changes(self, first: int, count: int) -> Floats:
         """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n, rad.
@@ -239,9 +240,11 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
         return None
     step = _step(times, 2.0 * math.pi / (_A_PERIOD * fastest))
     labels = tuple(each.label for each in scene.pendulums)
-    jumps = []
+    jumps, held = [], []
     for each in scene.events:
         place, angle, rate = labels.index(each.pendulum), 0.0, 0.0
+        nearest = max(round(Fraction(each.time) / step) - 1, 0)
+        at = float((nearest + 1) * step)
         match each:
             case Knock():
                 rate = each.change
@@ -249,20 +252,9 @@ def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks
                 angle, rate = each.angle, each.angular_velocity / frequency(scene, scene.pendulums[place])
             case Release() | Clamp():
                 angle = each.angle
-        nearest = max(round(Fraction(each.time) / step) - 1, 0)
+                held.append((place, *((-math.inf, at) if isinstance(each, Release) else (at, math.inf)), angle))
         jumps.append(Jump(nearest, place, angle, rate, isinstance(each, Knock)))
-    return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps))
-
-
-def held(scene: Scene, kicks: Kicks | None) -> list[tuple[int, float, float, float]]:
-    """Pendulums that are held: which, from when to when, s, and at which angle, rad."""
-    spans = []
-    for event, jump in zip(scene.events, kicks.jumps if kicks is not None else (), strict=True):
-        if isinstance(event, Release | Clamp) and kicks is not None:
-            at = float((jump.number + 1) * kicks.step)
-            begin, end = (-math.inf, at) if isinstance(event, Release) else (at, math.inf)
-            spans.append((jump.pendulum, begin, end, jump.angle))
-    return spans
+    return Kicks(step, intensity * math.sqrt(step), scene.seed, labels, tuple(jumps), tuple(held))
 
 
 def _step(times: EvenTimes | UnevenTimes, longest: float) -> Fraction:

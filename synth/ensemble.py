@@ -13,6 +13,7 @@ import io
 import math
 import multiprocessing
 import os
+import re
 import signal
 import sys
 from collections import deque
@@ -39,6 +40,7 @@ from synth.streaming import simulate_to, simulated
 if TYPE_CHECKING:
     import xarray as xr
 
+_RATIO = re.compile(r"\d+(/\d+)?")  # what a scene writes for a rate, such as 25 or 25/3
 _Job = tuple[Scene, Path, Path]  # a member with its two files
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -117,7 +119,7 @@ def _refuse_range(key: str, how: Range | Callable[..., Any], now: Any) -> None:
         raise SceneError(f"vary {key}: every member has its own anyway; leave it out")
     if callable(how):
         return
-    if isinstance(now, bool | dict | list) or (isinstance(now, str) and not _is_ratio(now)):
+    if isinstance(now, bool | dict | list) or (isinstance(now, str) and not _RATIO.fullmatch(now)):
         raise SceneError(f"vary {key}: is no number; name a key that holds one")
     low, high = how
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
@@ -133,14 +135,6 @@ def _drawn(chance: np.random.Generator, how: Range, now: Any) -> float | int | F
     drawn = float(chance.uniform(low, high))
     # rates are ratios of whole numbers, and a double is one with too long a denominator
     return Fraction(drawn).limit_denominator(10**9) if isinstance(now, str) else drawn
-
-
-def _is_ratio(text: str) -> bool:
-    """Whether it is what a scene writes for a rate, such as 25 or 25/3."""
-    try:
-        return Fraction(text) is not None
-    except (ValueError, ZeroDivisionError):
-        return False
 
 
 class Member(NamedTuple):

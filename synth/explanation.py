@@ -8,19 +8,11 @@ from typing import Any
 
 from data_schemas.scene import Scene
 from data_schemas.scene_fields import Section, extra
-from data_schemas.scene_pendulum import (
-    RESISTANCES,
-    BeamSupport,
-    BoardSupport,
-    FrameSupport,
-    ImpulseEscapement,
-    Pendulum,
-    VanDerPolEscapement,
-)
+from data_schemas.scene_pendulum import RESISTANCES, Pendulum
 from synth.choice import NAMES, listed
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.plan import Plan, plan
-from synth.recording.clock import Clock, set_clock
+from synth.recording.clock import set_clock
 
 _MOST_PERIODS = 4
 
@@ -30,7 +22,8 @@ def explain(scene: Scene) -> dict[str, Any]:
 
     `SceneError` if the scene cannot be simulated.
     """
-    clock = set_clock(scene)
+    clock, recording = set_clock(scene), scene.recording
+    jitter = f", off by {recording.jitter:g} s" if recording.jitter else ""
     whole = plan(scene, clock)
     terms, choice = _terms(scene, whole), whole.choice
     present = {name: words for name, words in terms.items() if words}
@@ -38,7 +31,7 @@ def explain(scene: Scene) -> dict[str, Any]:
         "pendulums": _periods(scene.pendulums),
         "terms": present if whole.caution is None else present | {"caution": whole.caution},
         "left_out": tuple(name for name, words in terms.items() if not words),  # no code is compiled or run for them
-        "readings": _samples(scene, clock),
+        "readings": f"{clock.count}, one every {float(recording.step):g} s{jitter}, for {scene.duration:g} s",
         "propagator": whole.propagator,
         "why": choice.why,
         "instead": tuple(NAMES[name] for name in choice.instead),  # should it refuse
@@ -96,26 +89,24 @@ def _numbers(field: str, pendulum: Pendulum) -> str:
 
 
 def _escapement(pendulum: Pendulum) -> str:
-    match pendulum.escapement:
-        case VanDerPolEscapement() as drive:
-            return f"van der Pol, {drive.rate:g} 1/s up to {drive.angle:g} rad"
-        case ImpulseEscapement() as kick:
-            ways = "both ways" if kick.direction == "both" else kick.direction
-            return f"kicks of {kick.energy:g} rad2/s2 at {kick.angle:g} rad, {ways}"
-    return ""
+    drive = pendulum.escapement
+    if drive is None:
+        return ""
+    if drive.kind == "van-der-pol":
+        return f"van der Pol, {drive.rate:g} 1/s up to {drive.angle:g} rad"
+    ways = "both ways" if drive.direction == "both" else drive.direction
+    return f"kicks of {drive.energy:g} rad2/s2 at {drive.angle:g} rad, {ways}"
 
 
 def _support(support: Any) -> str:
-    match support:
-        case BoardSupport():
-            return f"rolling board, coupling {support.coupling:g}"
-        case BeamSupport():
-            what = f"elastic beam, system ({1 if support.equations == 'full' else 2})"
-        case FrameSupport():
-            what = "flexible frame"
-        case _:
+    match support.kind:
+        case "fixed":
             return ""
-    return f"{what}, {support.mass:g} kg on {support.stiffness:g} N/m"
+        case "board":
+            return f"rolling board, coupling {support.coupling:g}"
+    what = "flexible frame" if support.kind == "frame" else "elastic beam, system "
+    number = {"full": "(1)", "reduced": "(2)"}.get(getattr(support, "equations", ""), "")
+    return f"{what}{number}, {support.mass:g} kg on {support.stiffness:g} N/m"
 
 
 def _motion(scene: Scene, axis: str, motion: HarmonicSum) -> str:
@@ -132,9 +123,3 @@ def _case(scene: Scene) -> str:
         return ""
     tilts = [name for name in ("pitch", "roll") if getattr(scene.case, name) is not None]
     return f"{listed(tilts) or 'at rest'}, elongations from the {scene.case.reference}"
-
-
-def _samples(scene: Scene, clock: Clock) -> str:
-    step = float(scene.recording.step)
-    jitter = f", off by {scene.recording.jitter:g} s" if scene.recording.jitter else ""
-    return f"{clock.count}, one every {step:g} s{jitter}, for {scene.duration:g} s"

@@ -67,17 +67,7 @@ def phasors(angles: Floats) -> Phasors:
 
 
 def turns(angular_frequencies: Sequence[float | Fraction], step: Fraction) -> Turns:
-    """Fixed-point turns of harmonics, rad/s, for a step of time, s; both are exact, a double is the number it is.
-
-    Examples
-    --------
-    An hour of 20 Hz, and a harmonic of 7 rad/s: 25200 rad.
-
-    >>> import math
-    >>> angle = turns([7.0], Fraction(1, 20)).angles(np.array([72000]))
-    >>> bool(abs(angle[0, 0] - math.remainder(25200, 2 * math.pi)) < 3e-12)  # the right side is the poorer
-    True
-    """
+    """Fixed-point turns of harmonics, rad/s, for a step of time, s; both are exact, a double is the number it is."""
     top, bottom = step.numerator * _INVERSE_TURN << 64 + _REST, step.denominator * _INVERSE_TURN_SCALE
     ratios = (each.as_integer_ratio() for each in angular_frequencies)
     return _turns([above * top // (below * bottom) for above, below in ratios])

@@ -16,7 +16,7 @@ from data_schemas.errors import RefusedError, SceneError
 from data_schemas.scene import Scene, felt_gravity, frequency
 from data_schemas.scene_motion import HarmonicMotion, NearResonantMotion, SeaMotion, Still
 from synth.choice import NAMES, Choice, choose, needs
-from synth.disturbances import Kicks, gravity_change, held, kicks, lifted, mean_change, tilt
+from synth.disturbances import Kicks, gravity_change, kicks, lifted, mean_change, tilt
 from synth.motion.harmonic_sum import HarmonicSum, Sums, add, harmonics, near_resonant, sea
 from synth.motion.tabulated import tabulated
 from synth.pendulums.linear import Response, respond, start_state
@@ -207,7 +207,11 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
             " shorter, or give simulation.tolerance if that will do"
         )
     answers_slowly = bool(plan.responses) and bool(plan.motion.angular_frequency.size or not plan.choice.integrates)
-    forced = [_forced(each) for each in planes] if answers_slowly else []
+    forced = [
+        Sums(each.motion.angular_frequency, np.array([one.forced for one in each.responses]), each.motion.combs)
+        for each in planes
+        if answers_slowly
+    ]
     done = 0
     for part in clock.chunks():
         here, times, kept = slice(done, done + part.times.count), part.times, part.kept
@@ -222,17 +226,12 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
             rows = np.vstack([angles[:, here] for angles, _, _ in whole])
             slow = np.vstack([times.values(each) for each in forced])[:, kept] if answers_slowly else None
         theta = rows[:count, kept]
-        for place, begin, end, angle in held(plan.scene, plan.kicks):
+        for place, begin, end, angle in plan.kicks.held if plan.kicks is not None else ():
             theta[place, (part.true_seconds >= begin) & (part.true_seconds < end)] = angle
         sideways, upwards = (times.acceleration(each)[kept] for each in (plan.motion, plan.vertical))
         support = rows[count, kept] if len(rows) > count else None
         change = None if plan.gravity_change is None else times.acceleration(plan.gravity_change)[kept]
         yield part, SampledMotion(theta, free, slow, sideways, upwards, error, propagator, support, change)
-
-
-def _forced(plan: Plan) -> Sums:
-    """Steady answers of the pendulums to the harmonics away from n, rad."""
-    return Sums(plan.motion.angular_frequency, np.array([each.forced for each in plan.responses]), plan.motion.combs)
 
 
 def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:

@@ -8,12 +8,6 @@ import numpy as np
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
-    """Random numbers for one use, from the scene's seed; the same name gives the same numbers.
-
-    Examples
-    --------
-    >>> bool(generator(7, "noise").random() == generator(7, "noise").random())
-    True
-    """
+    """Random numbers for one use, from the scene's seed; the same name gives the same numbers."""
     words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words)))

@@ -93,13 +93,9 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
 
 
 def simulate_to(
-    scene: Scene,
-    record_path: _Path,
-    truth_path: _Path,
-    *,
-    overwrite: bool = False,
+    scene: Scene, record_path: _Path, truth_path: _Path, *, overwrite: bool = False,
     progress: Callable[[int, int], object] | None = None,
-) -> int:
+) -> int:  # fmt: skip
     """Simulate a scene straight to its two files, chunk by chunk.
 
     The files are those that `simulate` and `data_schemas.write` make, bit for bit, but no more than a chunk of them is

@@ -117,7 +117,7 @@ def _beam(system: ElasticBeam) -> Equations:
     import heyoka as hy
 
     x, v = hy.make_vars("x", "v")
-    whole = inertia = Number(system.beam_mass)
+    whole = inertia = Number(system.own_mass)
     force: Any = 0.0
     swings = []
     for k, (m, length) in enumerate(zip(system.mass.astype(Number), system.length.astype(Number), strict=True)):

@@ -170,7 +170,7 @@ def _beams() -> tuple[Motion, ...]:
         name: str, system: ElasticBeam, start: Sequence[float], step: Fraction, count: int, *true: Any, **more: Any
     ) -> Motion:
         support = {
-            "kind": "beam", "mass": system.beam_mass, "stiffness": system.stiffness,
+            "kind": "beam", "mass": system.own_mass, "stiffness": system.stiffness,
             "damping_rate": system.damping_rate, "displacement": start[0], "velocity": start[1],
         }  # fmt: skip
         periods = (2.0 * np.pi * np.sqrt(system.length / GRAVITY)).tolist()

@@ -13,26 +13,17 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from data_schemas import film_description
 from data_schemas.appending import Appended
-from data_schemas.contents import Contents, Entry, Group, shown
-from data_schemas.errors import FileError, UsageError
-from data_schemas.film_description import (
-    BASE,
-    BASES,
-    PERIODS,
-    DescribedInstrument,
-    DescribedPendulum,
-    FilmDescription,
-    description_path,
-    film_stem,
-)
-from data_schemas.layouts import CONVENTIONS, LAYOUTS, VERSION
+from data_schemas.contents import Contents, Entry, Group
+from data_schemas.errors import UsageError
+from data_schemas.layouts import root_attributes
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Film
 from data_schemas.shield import shielded
 from data_schemas.text_files import toml_text
 from data_schemas.variables import attributes
-from data_schemas.writing import beside, give_name, may_write, place_of, reason, write_text
+from data_schemas.writing import Placed, write_text
 from synth import load_film
 from synth.film.layout import STRIP, FilmPlan, Pixels, plan_film
 from synth.film.source import source_of
@@ -64,7 +55,7 @@ def film_truth_path(film: str | os.PathLike[str]) -> Path:
     >>> film_truth_path("a/ship.film.tif").name
     'ship.film.truth.nc'
     """
-    return Path(film).with_name(film_stem(film) + ".film.truth.nc")
+    return Path(film).with_name(film_description.film_stem(film) + ".film.truth.nc")
 
 
 def expose(
@@ -130,10 +121,10 @@ def expose_to(
     target = Path(path)
     if target.suffix.lower() not in (".tif", ".tiff"):
         raise UsageError(f"{target}: films are written as TIFF; end the name with .tif")
-    description, truth = description_path(target), film_truth_path(target)
+    description, truth = film_description.description_path(target), film_truth_path(target)
     for each in (target, description, truth):  # refused before the work, not after it
-        with _write_errors(each):
-            may_write(place_of(each), each, overwrite)
+        with Placed(each, overwrite=overwrite):
+            pass
     scene = source if isinstance(source, Scene) else None
     if film is None:
         film = scene.film if scene is not None and scene.film is not None else Film()
@@ -178,7 +169,7 @@ def expose_to(
     return Exposed(total, geometry.columns, length, plan.source.traces, target, description, truth)
 
 
-def _description_of(plan: FilmPlan) -> FilmDescription:
+def _description_of(plan: FilmPlan) -> film_description.FilmDescription:
     """What the observer knows: the camera as it is meant to be, and the instrument as the record states it."""
     source, film, layout, known = plan.source, plan.film, plan.layout, plan.source.instrument
     traces = []
@@ -188,17 +179,17 @@ def _description_of(plan: FilmPlan) -> FilmDescription:
         own = {label: float(weight) for label, weight in zip(source.pendulums, weights, strict=True) if weight}
         traces.append({"name": name, "combination": own, "lever": float(lever), "position": float(place)})
     labels = [str(each) for each in known.get("pendulum", source.pendulums)]
-    stated = [name for name in DescribedPendulum.model_fields if name in known]
+    stated = [name for name in film_description.DescribedPendulum.model_fields if name in known]
     own_labels = [(k, label) for k, label in enumerate(labels) if label in source.pendulums]
     pendulums = [{"label": label, **{name: float(known[name][k]) for name in stated}} for k, label in own_labels]
-    stated = [name for name in DescribedInstrument.model_fields if name in known]
+    stated = [name for name in film_description.DescribedInstrument.model_fields if name in known]
     bases = []
-    for k, base in enumerate(known.get(BASE, ())):
-        values = {key: float(known[name][k]) for name, key in BASES.items() if name in known}
-        rows = {key: known[name][k] for name, key in PERIODS.items() if name in known}
+    for k, base in enumerate(known.get(film_description.BASE, ())):
+        values = {key: float(known[name][k]) for name, key in film_description.BASES.items() if name in known}
+        rows = {key: known[name][k] for name, key in film_description.PERIODS.items() if name in known}
         periods = {key: {label: float(row[at]) for at, label in own_labels} for key, row in rows.items()}
         bases.append({"label": str(base), **values, **periods})
-    return FilmDescription.model_validate(
+    return film_description.FilmDescription.model_validate(
         {
             "record_id": source.record_id, "title": source.title, "start_time": source.start_time,
             "speed": film.speed, "dpi": film.dpi, "mark_interval": film.mark_interval, "gap": film.gap,
@@ -212,12 +203,10 @@ def _description_of(plan: FilmPlan) -> FilmDescription:
 def _truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
     """Lay out the truth of some rows of a film, given the times of their centre lines at the left edge, (rows,) s."""
     source, layout, marks = plan.source, plan.layout, plan.marks
-    attrs = {
-        "Conventions": CONVENTIONS, "schema": LAYOUTS["film-truth"].schema, "schema_version": VERSION,
-        "record_id": source.record_id, "title": source.title, "history": f"exposed with seed {plan.seed}",
-        "source": "model", "film": plan.film.model_dump_json(), "seed": plan.seed,
-        **({} if source.scene is None else {"scene": source.scene.model_dump_json()}),
-    }  # fmt: skip
+    said = {"title": source.title, "history": f"exposed with seed {plan.seed}", "source": "model"}
+    attrs: dict[str, Any] = {**root_attributes("film-truth", source.record_id, **said), "seed": plan.seed}
+    models = {"film": plan.film, "scene": source.scene}
+    attrs |= {name: model.model_dump_json() for name, model in models.items() if model is not None}
     clock = attributes("time") | {"units": f"seconds since {source.start_time}"}
     labels = {"trace": label_array(source.traces)}
     places = {"optical_lever": layout.lever, "position": layout.position, "offset": layout.offset}
@@ -240,16 +229,7 @@ def _truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
     return lay_out
 
 
-@contextlib.contextmanager
-def _write_errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """`OSError` becomes `FileError` with the file's name and the remedy."""
-    try:
-        yield
-    except OSError as error:
-        raise FileError(f"{shown(path, 400)}: cannot be written, {reason(error)}") from error
-
-
-class ImageFile:
+class ImageFile(Placed):
     """A BigTIFF of known size whose rows come in any order; a context that leaves nothing behind without `publish`.
 
     The file's folder must exist. `FileError` as `data_schemas.write`, from any method; `UsageError` where the package
@@ -262,10 +242,8 @@ class ImageFile:
     def __init__(
         self, path: str | os.PathLike[str], rows: int, columns: int, bits: int, dpi: float, *, overwrite: bool = False
     ) -> None:
-        self._path, self._overwrite = path, overwrite
+        super().__init__(path, overwrite=overwrite)
         self._shape, self._bits, self._dpi = (rows, columns), bits, dpi
-        self._target = place_of(path)
-        self._temporary = beside(self._target)
 
     def __enter__(self) -> Self:
         try:
@@ -274,40 +252,34 @@ class ImageFile:
             raise UsageError(
                 "films need the package tifffile; install it with: pip install 'isochrony[film]'"
             ) from None
-        with _write_errors(self._path):
-            may_write(self._target, self._path, self._overwrite)
-            with tifffile.TiffWriter(self._temporary, bigtiff=True, byteorder="<") as made:
+        super().__enter__()
+        with self.named():
+            with tifffile.TiffWriter(self.temporary, bigtiff=True, byteorder="<") as made:
                 self._begin, _ = made.write(
                     shape=self._shape, dtype=f"uint{self._bits}", rowsperstrip=STRIP, photometric="minisblack",
                     resolution=(self._dpi, self._dpi), resolutionunit="INCH", software="isochrony", metadata=None,
                     returnoffset=True,
                 )  # fmt: skip
-            self._file = open(self._temporary, "r+b")  # closed at the end of the block
+            self._file = open(self.temporary, "r+b")  # closed at the end of the block
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         with contextlib.suppress(OSError):
             if self._file is not None:
                 self._file.close()
-        with contextlib.suppress(OSError):  # renamed already, or never made
-            self._temporary.unlink()
+        super().__exit__(kind, error, at)
 
     def write(self, first: int, pixels: NDArray[Any]) -> None:
         """Write rows from number `first` on."""
         assert self._file is not None
-        with _write_errors(self._path):
+        with self.named():
             self._file.seek(self._begin + first * self._shape[1] * self._bits // 8)
             self._file.write(np.ascontiguousarray(pixels, dtype=f"<u{self._bits // 8}").data)
 
     def finish(self) -> None:
         """Bring the file to the disk, so that `publish` only gives it its name."""
         assert self._file is not None
-        with _write_errors(self._path):
+        with self.named():
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
-
-    def publish(self) -> None:
-        """Give the finished file its name, in one step."""
-        with _write_errors(self._path):
-            give_name(self._temporary, self._target, self._path, self._overwrite)

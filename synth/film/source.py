@@ -41,22 +41,10 @@ class Source:
     longest: float  # Samples further apart than this belong to a gap, s
     time: Floats  # (samples,) s
     elongation: Floats  # (traces, samples) rad
-    scene: Scene | None = None
-
-    @property
-    def begin(self) -> float:
-        """Time of the first sample, s."""
-        return float(self.time[0])
-
-    @property
-    def end(self) -> float:
-        """Time of the last sample, s."""
-        return float(self.time[-1])
-
-    @property
-    def step(self) -> float:
-        """Usual time between two samples, s."""
-        return float(np.median(np.diff(self.time)))
+    begin: float
+    end: float  # Time of the first and of the last sample,
+    step: float  # and usual time between two, s
+    scene: Scene | None
 
 
 def source_of(given: xr.DataTree | Scene) -> Source:
@@ -99,6 +87,9 @@ def source_of(given: xr.DataTree | Scene) -> Source:
         longest=shortest / FEWEST if scene is None else 1.0,
         time=time,
         elongation=elongation,
+        begin=float(time[0]),
+        end=float(time[-1]),
+        step=step,
         scene=scene,
     )
 

@@ -142,12 +142,6 @@ class _Equations:
         sizes = np.array([float(self._feed), float(self._feed), 0.5 * self._clocks.coupling])
         return np.array(self.conics(beta, float)) @ np.array([one * one, two * two, one, two, 1.0]) / sizes
 
-    def _detunings(self, beta: Any) -> tuple[Any, Any, float, Any]:
-        """D_1, D_2, arc and delta^2."""
-        arc = float(self._arc)
-        one, two = ((1.0 + beta) * float(tuning) - 1.0 - arc for tuning in self._tuning)
-        return one, two, arc, self._clocks.drive**2 * (1.0 + beta)
-
     def roots(self) -> list[float]:
         """All beta at which the three conics have a point in common, real or not."""
         roots = resultant(self.conics(fmpq_poly([0, 1]))).complex_roots()
@@ -193,9 +187,9 @@ class _Equations:
         beta, *g = (float(each) for each in point)
         if not (beta > -1.0 and max(g) < 1.0):
             return None
-        d1, d2, arc, loss = self._detunings(beta)
-        delta = math.sqrt(loss)
-        phasors = [complex(own + arc * each, -delta * each) for own, each in zip((d1, d2), g, strict=True)]
+        arc, delta = float(self._arc), math.sqrt(self._clocks.drive**2 * (1.0 + beta))
+        detunings = ((1.0 + beta) * float(tuning) - 1.0 - arc for tuning in self._tuning)  # D_i
+        phasors = [complex(own + arc * each, -delta * each) for own, each in zip(detunings, g, strict=True)]
         q = math.sqrt(0.5 * (abs(phasors[0]) ** 2 + abs(phasors[1]) ** 2))
         if q < 1e-9 * math.sqrt(float(self._feed)):
             return None  # the beam at rest: `quadrature`

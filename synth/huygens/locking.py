@@ -193,13 +193,11 @@ def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
     274.6
     """
     apart = clocks.detuning[0] - clocks.detuning[1]
-    ends = []
-    for step in (_BALANCE_STEP, -_BALANCE_STEP):
-        found = followed(regime, clocks.detuned(apart + step), shifts=shifts)
-        if found is None:
-            raise RefusedError("the regime ends at this difference of rates; take k at a smaller one")
-        ends.append(found.offset)
-    return math.remainder(ends[0] - ends[1], math.pi) / (2.0 * _BALANCE_STEP)
+    pairs = (clocks.detuned(apart + step) for step in (_BALANCE_STEP, -_BALANCE_STEP))
+    above, below = (followed(regime, pair, shifts=shifts) for pair in pairs)
+    if above is None or below is None:
+        raise RefusedError("the regime ends at this difference of rates; take k at a smaller one")
+    return math.remainder(above.offset - below.offset, math.pi) / (2.0 * _BALANCE_STEP)
 
 
 def orbit_slope(regime: Regime, clocks: Clocks, *, full: bool = False) -> float:

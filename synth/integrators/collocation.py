@@ -63,13 +63,6 @@ def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: flo
 
     The system is one of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`. Steps are intervals; evaluations are
     accelerations at single nodes. Refused is what cannot be collocated, or is too violent or too stiff.
-
-    Examples
-    --------
-    >>> frame = FlexibleFrame(2.0, np.full(2, 0.2), np.array([0.25, 0.24]), 150.0, 0.0, 9.81)
-    >>> swing = integrate(frame, [0.0, 0.0, 0.1, 0.0, -0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
-    >>> swing.states.shape, swing.estimated_error < 1e-12
-    ((2, 6), True)
     """
     first, instants = checked(start, times, tolerance)
     every = instants
@@ -127,13 +120,6 @@ def integrate_ensemble(
     Systems are one a member, all of one type, `starts` (members, n); all else is as for `integrate`, but that the error
     is not estimated: integrate a member alone. There are so many threads as `workers`, by default one a processor. The
     first member that is refused stops all.
-
-    Examples
-    --------
-    >>> from synth.systems.yielding import Metronomes
-    >>> pairs = [Metronomes(np.array([6.0, 6.1]), 0.01), Metronomes(np.array([6.0, 6.2]), 0.02)]
-    >>> integrate_ensemble(pairs, [[0.1, 0.0, 0.0, 0.0]] * 2, [0.0, 0.5, 1.0]).shape
-    (2, 3, 4)
     """
     states = np.array(starts, dtype=np.float64)
     if states.ndim != 2 or not len(states):
@@ -166,9 +152,8 @@ class Problem:
     def shallowest(self, ladder: Ladder) -> int:
         """Depth of the longest intervals in which no component turns further than the weights are exact for."""
         fastest = math.sqrt(float(np.abs(self.square).max()))
-        lengths = (float(ladder[depth % 2]) / (1 << depth // 2) * self.longest for depth in range(_MOST_LEVELS))
-        for depth, length in enumerate(lengths):
-            if fastest * length <= _FARTHEST:
+        for depth in range(_MOST_LEVELS):
+            if fastest * (float(ladder[depth % 2]) / (1 << depth // 2) * self.longest) <= _FARTHEST:
                 return depth
         name = type(self.system).__name__
         raise RefusedError(

@@ -19,7 +19,7 @@ import numpy as np
 from synth.integrators.collocation_remainders import Work, nodes_of
 from synth.kernels.collocation import NODES, advance, change, couple, last_terms
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, store, total, wide
+from synth.kernels.lanes import load, store, total, wide
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
@@ -88,7 +88,9 @@ def march(
         following = start + interval
         reading = report[0] < times.size and times[report[0]] < following
         for c in range(components):
-            _free(level.flow, c, state[c, 0], state[c, 2], base)
+            for k in range(0, 2 * NODES, NODES):  # position, then rate
+                own = load(level.flow, (c, 2 * k)) * state[c, 0]
+                store(base, (c, k), own + load(level.flow, (c, 2 * k + NODES)) * state[c, 2])
         slot = report[2] % memory.shape[0]
         guess(memory, slot, report[4], mirror, continuation, known, now)
         renewed = i % _RENEWAL == 0
@@ -162,17 +164,9 @@ def _sample(begin: float, interval: float, points: Floats, term: Any, out: Float
 
 
 @kernel
-def _free(flow: Floats, c: int, position: float, rate: float, out: Floats) -> None:
-    for j in range(0, NODES, LANES):
-        store(out, (c, j), load(flow, (c, j)) * position + load(flow, (c, NODES + j)) * rate)
-        k = 2 * NODES + j
-        store(out, (c, NODES + j), load(flow, (c, k)) * position + load(flow, (c, NODES + k)) * rate)
-
-
-@kernel
 def _square(position: Floats, c: int) -> float:
-    first, second = load(position, (c, 0)), load(position, (c, LANES))
-    return total(first * first + second * second)
+    values = load(position, (c, 0))
+    return total(values * values)
 
 
 @kernel
@@ -184,14 +178,12 @@ def _read(place: float, nodes: Nodes, begun: Floats, work: Work, states: Floats,
         return
     x, whole = 2.0 * place - 1.0, np.inf
     while not abs(whole) < np.inf:
-        first = load(nodes.shares, (0,)) / (x - load(nodes.points, (0,)))
-        second = load(nodes.shares, (LANES,)) / (x - load(nodes.points, (LANES,)))
+        inside = load(nodes.shares, (0,)) / (x - load(nodes.points, (0,)))
         start, end = nodes.end_shares[0] / (x + 1.0), nodes.end_shares[1] / (x - 1.0)
-        whole = (start + end) + total(first + second)
+        whole = (start + end) + total(inside)
         x += _ASIDE  # at a node the sum is not finite
     for c in range(begun.shape[0]):
-        one = total(first * load(work.position, (c, 0)) + second * load(work.position, (c, LANES)))
-        two = total(first * load(work.rate, (c, 0)) + second * load(work.rate, (c, LANES)))
+        one, two = total(inside * load(work.position, (c, 0))), total(inside * load(work.rate, (c, 0)))
         states[reading, 2 * c] = (one + start * begun[c, 0] + end * work.state[c, 0]) / whole
         states[reading, 2 * c + 1] = (two + start * begun[c, 2] + end * work.state[c, 2]) / whole
 
@@ -205,31 +197,26 @@ def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: F
     """
     before = (slot - 1) % memory.shape[0]
     for c in range(mirror.size):
-        first, second = wide(0.0), wide(0.0)
+        guessed = wide(0.0)
         if which == ORDERS:
             for k in range(NODES):
-                value = memory[before, 0, c, k]
-                first += load(continuation, (0, k * NODES)) * value
-                second += load(continuation, (0, k * NODES + LANES)) * value
+                guessed += load(continuation, (0, k * NODES)) * memory[before, 0, c, k]
         else:
             for k in range(which):
-                first += load(memory, (slot, k, c, 0))
-                second += load(memory, (slot, k, c, LANES))
-            first, second = first * mirror[c], second * mirror[c]
-        store(known, (now, c, 0), first)
-        store(known, (now, c, LANES), second)
+                guessed += load(memory, (slot, k, c, 0))
+            guessed = guessed * mirror[c]
+        store(known, (now, c, 0), guessed)
 
 
 @kernel
 def remember(memory: Floats, slot: int, mirror: Floats, known: Floats, now: int) -> None:
     """Take the remainder of the interval just done into its row of differences."""
     for c in range(mirror.size):
-        first, second = load(known, (now, c, 0)), load(known, (now, c, LANES))
+        difference = load(known, (now, c, 0))
         for k in range(ORDERS):
-            old, older = load(memory, (slot, k, c, 0)), load(memory, (slot, k, c, LANES))
-            store(memory, (slot, k, c, 0), first)
-            store(memory, (slot, k, c, LANES), second)
-            first, second = first - old * mirror[c], second - older * mirror[c]
+            old = load(memory, (slot, k, c, 0))
+            store(memory, (slot, k, c, 0), difference)
+            difference = difference - old * mirror[c]
 
 
 @kernel
@@ -243,8 +230,8 @@ def best(memory: Floats, slot: int, worth: Floats, missed: float) -> int:
     for k in range(ORDERS):
         worst = 0.0
         for c in range(worth.size):
-            first, second = load(memory, (slot, k, c, 0)), load(memory, (slot, k, c, LANES))
-            worst = max(worst, total(first * first + second * second) * worth[c])
+            difference = load(memory, (slot, k, c, 0))
+            worst = max(worst, total(difference * difference) * worth[c])
         if worst < least:
             which, least = k, worst
     return ORDERS if missed < least else which

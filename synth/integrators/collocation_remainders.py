@@ -1,4 +1,4 @@
-"""Every system's accelerations at the nodes, less its linear part, of eight nodes at once.
+"""Every system's accelerations at the nodes, less its linear part, of all nodes at once.
 
 A system that can be collocated registers a kernel under "remainder": all accelerations at the nodes, less the linear
 part that is carried exactly,
@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.kernels.collocation import NODES, turned
+from synth.kernels.collocation import turned
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, positive, store, wide
+from synth.kernels.lanes import load, positive, store, wide
 from synth.phase import Floats
 from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.terms import driven
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, own_mass, pushed
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, pushed
 
 Exact = list[tuple[Fraction, Fraction]]
 
@@ -44,9 +44,9 @@ class Work(NamedTuple):
 
 
 @or_none
-def at(values: Any, j: int) -> Any:
-    """The ship's acceleration at eight nodes from the j-th on; None stays None."""
-    return load(values, (j,))
+def at(values: Any) -> Any:
+    """The ship's acceleration at the nodes; None stays None."""
+    return load(values, (0,))
 
 
 @taken_in
@@ -67,7 +67,7 @@ def linear_part(system: Any) -> Exact:
     if isinstance(system, ElasticBeam | FlexibleFrame):
         gravity = Fraction(float(system.gravity))
         clocks = [(gravity / Fraction(float(length)), Fraction(0)) for length in system.length]
-        total = Fraction(float(own_mass(system))) + sum(Fraction(float(mass)) for mass in system.mass)
+        total = Fraction(float(system.own_mass)) + sum(Fraction(float(mass)) for mass in system.mass)
         if isinstance(system, ElasticBeam):
             loss = Fraction(float(system.damping_rate))
         else:
@@ -87,31 +87,30 @@ def linear_part(system: Any) -> Exact:
 def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) -> None:
     position, rate, room = work.position, work.rate, work.room
     count, gravity = system.length.size, system.gravity
-    whole = own_mass(system)
+    whole = system.own_mass
     for p in range(count):
         whole += system.mass[p]
-    for j in range(0, NODES, LANES):
-        force, light = wide(0.0), wide(0.0)
-        across, along = at(sideways, j), at(upwards, j)
-        for p in range(count):
-            angle, swing = load(position, (p + 1, j)), load(rate, (p + 1, j))
-            sine, cosine, short, _ = turned(angle)
-            arm, slope = lever(sine, cosine, system)
-            inverse = 1.0 / system.length[p]
-            torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
-            pull = gravity * inverse
-            free = torque - pull * sine
-            force += (system.mass[p] * system.length[p]) * (slope * (swing * swing) + arm * free)
-            light += system.mass[p] * (arm * arm)
-            store(room, (0, p, j), inverse * arm)
-            store(room, (1, p, j), pull * short + torque)
-        place, speed = load(position, (0, j)), load(rate, (0, j))
-        drag, push = pushed(whole, system, across, along)
-        force += push
-        yielding = (force - system.stiffness * place - drag * speed) / (whole - light)
-        store(work.known, (now, 0, j), (force + light * yielding) * (1.0 / whole))
-        for p in range(count):
-            store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * yielding)
+    force, light = wide(0.0), wide(0.0)
+    across, along = at(sideways), at(upwards)
+    for p in range(count):
+        angle, swing = load(position, (p + 1, 0)), load(rate, (p + 1, 0))
+        sine, cosine, short, _ = turned(angle)
+        arm, slope = lever(sine, cosine, system)
+        inverse = 1.0 / system.length[p]
+        torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
+        pull = gravity * inverse
+        free = torque - pull * sine
+        force += (system.mass[p] * system.length[p]) * (slope * (swing * swing) + arm * free)
+        light += system.mass[p] * (arm * arm)
+        store(room, (0, p, 0), inverse * arm)
+        store(room, (1, p, 0), pull * short + torque)
+    place, speed = load(position, (0, 0)), load(rate, (0, 0))
+    drag, push = pushed(whole, system, across, along)
+    force += push
+    yielding = (force - system.stiffness * place - drag * speed) / (whole - light)
+    store(work.known, (now, 0, 0), (force + light * yielding) * (1.0 / whole))
+    for p in range(count):
+        store(work.known, (now, p + 1, 0), load(room, (1, p, 0)) + load(room, (0, p, 0)) * yielding)
 
 
 @registered("remainder", ReducedBeam)
@@ -120,21 +119,20 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
     position, rate, room = work.position, work.rate, work.room
     count, drive, coupling = system.detuning.size, system.drive, 2.0 * system.coupling
     drag = 2.0 * system.beam_damping
-    for j in range(0, NODES, LANES):
-        force, light = wide(0.0), wide(0.0)
-        for p in range(count):
-            y, swing = load(position, (p + 1, j)), load(rate, (p + 1, j))
-            square = y * y
-            torque = drive * (1.0 - square) * swing
-            force += coupling * (swing * swing + y * torque - (1.0 + system.detuning[p]) * square)
-            light += coupling * square
-            store(room, (0, p, j), y)
-            store(room, (1, p, j), torque)
-        place, speed = load(position, (0, j)), load(rate, (0, j))
-        beam = (force - drag * speed - 4.0 * place) / positive(1.0 - light)
-        store(work.known, (now, 0, j), force + light * beam)
-        for p in range(count):
-            store(work.known, (now, p + 1, j), load(room, (1, p, j)) + load(room, (0, p, j)) * beam)
+    force, light = wide(0.0), wide(0.0)
+    for p in range(count):
+        y, swing = load(position, (p + 1, 0)), load(rate, (p + 1, 0))
+        square = y * y
+        torque = drive * (1.0 - square) * swing
+        force += coupling * (swing * swing + y * torque - (1.0 + system.detuning[p]) * square)
+        light += coupling * square
+        store(room, (0, p, 0), y)
+        store(room, (1, p, 0), torque)
+    place, speed = load(position, (0, 0)), load(rate, (0, 0))
+    beam = (force - drag * speed - 4.0 * place) / positive(1.0 - light)
+    store(work.known, (now, 0, 0), force + light * beam)
+    for p in range(count):
+        store(work.known, (now, p + 1, 0), load(room, (1, p, 0)) + load(room, (0, p, 0)) * beam)
 
 
 @registered("remainder", Metronomes)
@@ -142,21 +140,20 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
 def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now: int) -> None:
     position, rate, room = work.position, work.rate, work.room
     count, coupling, gravity = system.natural_frequency.size, system.coupling, system.gravity
-    for j in range(0, NODES, LANES):
-        force, light = wide(0.0), wide(0.0)
-        along = at(upwards, j)
-        for p in range(count):
-            angle, swing = load(position, (p, j)), load(rate, (p, j))
-            sine, cosine, short, _ = turned(angle)
-            square = system.natural_frequency[p] * system.natural_frequency[p]
-            torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, square / gravity, None, along)
-            force += cosine * (torque - square * sine) - sine * (swing * swing)
-            light += coupling * (cosine * cosine)
-            store(room, (0, p, j), cosine)
-            store(room, (1, p, j), square * short + torque)
-        board = coupling * force / positive(1.0 - light)
-        for p in range(count):
-            store(work.known, (now, p, j), load(room, (1, p, j)) + load(room, (0, p, j)) * board)
+    force, light = wide(0.0), wide(0.0)
+    along = at(upwards)
+    for p in range(count):
+        angle, swing = load(position, (p, 0)), load(rate, (p, 0))
+        sine, cosine, short, _ = turned(angle)
+        square = system.natural_frequency[p] * system.natural_frequency[p]
+        torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, square / gravity, None, along)
+        force += cosine * (torque - square * sine) - sine * (swing * swing)
+        light += coupling * (cosine * cosine)
+        store(room, (0, p, 0), cosine)
+        store(room, (1, p, 0), square * short + torque)
+    board = coupling * force / positive(1.0 - light)
+    for p in range(count):
+        store(work.known, (now, p, 0), load(room, (1, p, 0)) + load(room, (0, p, 0)) * board)
 
 
 def mirror_of(system: Any, components: int) -> Floats:

@@ -11,7 +11,6 @@ within a step is seen as two.
 from __future__ import annotations
 
 import math
-from math import comb
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -237,15 +236,11 @@ def margin(coefficients: Floats) -> float:
     return abs(coefficients[kept, 0])
 
 
-def _bernstein() -> Floats:
-    """Bernstein coefficients of x^a (1-x)^b, the terms of the dense output."""
-    powers = ((1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3))
-    table = np.zeros((7, DEGREE + 1))
-    for term, (a, b) in enumerate(powers):
-        free = DEGREE - a - b
-        for j in range(free + 1):
-            table[term, a + j] = comb(free, j) / comb(DEGREE, a + j)
-    return table
-
-
-TO_BERNSTEIN = _bernstein()  # (7, 8): from the coefficients of the dense output, less the state at the step's start
+_POWERS = ((1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (3, 3), (4, 3))  # a and b of the dense output's terms x^a (1-x)^b
+TO_BERNSTEIN = np.array(
+    [
+        [math.comb(DEGREE - a - b, j - a) / math.comb(DEGREE, j) if j >= a else 0.0 for j in range(DEGREE + 1)]
+        for a, b in _POWERS
+    ]
+)
+"""(7, 8): from the coefficients of the dense output, less the state at the step's start."""

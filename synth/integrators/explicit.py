@@ -64,8 +64,8 @@ def integrate(
 
     Examples
     --------
-    >>> from synth.systems.driven_pendulums import plain
-    >>> swing = integrate(plain(2.0), [0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
+    >>> from synth.systems.driven_pendulums import DrivenPendulums
+    >>> swing = integrate(DrivenPendulums(np.array([2.0])), [0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
     >>> round(float(swing.states[1, 0]), 6)
     -0.041508
     """

@@ -70,29 +70,13 @@ def integrate(
     """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`.
 
     Two runs, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
-    the error of the looser one, and as many roundings as the root of the number of steps. Steps are held to a tolerance
-    one by one: where the estimate shows that errors have added up to more than was asked for, tighter runs
-    follow, twice at most. What is left then, of rounding above all, the estimate tells.
+    the error of the looser one, and as many roundings as the root of the number of steps. Where errors of steps have
+    added up to more than was asked for, tighter runs follow, twice at most. What is left then, of rounding above all,
+    the estimate tells. Jumps of the derivative are integrated over at the cost of short steps, not located.
 
-    Parameters
-    ----------
-    tolerance : float
-        Error wanted anywhere, relative to the largest size of each component, from 1e-15 to 1e-2. That of a yielding
-        support may be the share of the swing of the bobs (`swing_of_bobs`); the estimate is relative to its own.
-    stages : tuple, optional
-        Fewest and most stages (3, 5 or 7); by default chosen from 3 up to what the tolerance is worth.
-
-    Notes
-    -----
-    Hairer and Wanner (1999), J. Comput. Appl. Math. 111, 93-111. Jumps of the derivative are integrated over at the
-    cost of short steps, not located.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> fast = integrate(VanDerPol(1000.0), [2.0, 0.0], [0.0, 1.0], tolerance=1e-9)
-    >>> round(float(fast.states[1, 0]), 9)
-    1.999333371
+    The tolerance is from 1e-15 to 1e-2; that of a yielding support may be the share of the swing of the bobs
+    (`swing_of_bobs`), the estimate is relative to its own size. `stages` are the fewest and most (3, 5 or 7), by default
+    from 3 up to what the tolerance is worth. Source: Hairer and Wanner (1999), J. Comput. Appl. Math. 111, 93-111.
     """
     first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
     problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)

@@ -137,15 +137,6 @@ def _size(rows: Any, size: Any, work: Space) -> float:
 
 
 @kernel
-def _lower(count: Any, size: Any, work: Space) -> None:
-    """Lower the inverse sizes of components that end larger than thought: one that starts at zero, above all."""
-    for c in range(len(size)):
-        ended = work.state[c] + work.z[(len(count) - 1) * len(size) + c]
-        if abs(ended) * work.scale[c] > 2.0:
-            work.scale[c] = 1.0 / abs(ended)
-
-
-@kernel
 def collocate(
     time: float, step: float, goal: float, count: Any, size: Any, work: Space, system: Any
 ) -> tuple[int, int, float]:
@@ -171,8 +162,11 @@ def collocate(
             for c in range(n):
                 f[i * n + c] = slope[c]
         _correct(step, count, size, work)
-        if turn == 1:  # before it is measured: a ratio of corrections measured by different sizes would say nothing
-            _lower(count, size, work)
+        for c in range(n):
+            ended = abs(state[c] + z[(s - 1) * n + c])
+            # larger than thought, such as one that starts at zero; later a ratio of corrections would say nothing
+            if turn == 1 and ended * work.scale[c] > 2.0:
+                work.scale[c] = 1.0 / ended
         moved = _size(count, size, work)
         if not moved < 1e100:
             return NOT_FINITE, turn, 1.0

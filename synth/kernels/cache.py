@@ -22,7 +22,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
 
 _UNUSED = 30 * 86400.0  # s after which kernels are removed, so that upgrades do not fill the disk
 _INHERITED = "ISOCHRONY_CACHE"  # variable of the environment: where the process that started this one keeps kernels
@@ -110,53 +109,47 @@ def _prune(base: Path) -> None:
             shutil.rmtree(each, ignore_errors=True)
 
 
-class Source(NamedTuple):
-    """A file as it stands, and what it imports of the project."""
-
-    digest: bytes
-    imports: tuple[Path, ...]
-    changed: float  # time at which it was last written or replaced
-
-
 def stamp(file: str, modules: Iterable[str] = ()) -> str | None:
     """Digest of all that a kernel in `file` was made from, with the modules that define the types of its arguments.
 
     None where a part of it changed after this process began, which may have loaded either state of it.
     """
     found = closure([Path(file), *(path for name in modules for path in _files(name))])
-    if any(source.changed >= _BEGUN for source in found.values()):
+    if any(_changed(path) >= _BEGUN for path in found):
         return None
     told = hashlib.sha256()
     for path in sorted(found):
-        told.update(path.as_posix().encode() + b"\0" + found[path].digest)
+        told.update(path.as_posix().encode() + b"\0" + found[path])
     return told.hexdigest()[:16]
 
 
-def closure(begin: Iterable[Path]) -> dict[Path, Source]:
-    """Files, and the files of the project that they import, in turn."""
-    found: dict[Path, Source] = {}
+def closure(begin: Iterable[Path]) -> dict[Path, bytes]:
+    """Digests of files, and of the files of the project that they import, in turn."""
+    found: dict[Path, bytes] = {}
     left = list(begin)
     while left:
         path = left.pop()
         if path in found:
             continue
-        found[path] = _read(path)
-        left += found[path].imports
+        found[path], imports = _read(path, _changed(path))
+        left += imports
         if path in _files(_REGISTRY):
-            left += [other for other in (ROOT / "synth").rglob("*.py") if path in _read(other).imports]
+            left += [other for other in (ROOT / "synth").rglob("*.py") if path in _read(other, _changed(other))[1]]
     return found
 
 
-def _read(path: Path) -> Source:
+def _changed(path: Path) -> float:
+    """When a file was last written or replaced."""
     status = path.stat()
-    return _read_as_of(path, max(status.st_mtime, status.st_ctime))
+    return max(status.st_mtime, status.st_ctime)
 
 
 @functools.cache
-def _read_as_of(path: Path, changed: float) -> Source:
+def _read(path: Path, changed: float) -> tuple[bytes, list[Path]]:
+    """Digest of a file as of some time, and what it imports of the project."""
     text = path.read_bytes()
-    imported = [each for match in _IMPORT.finditer(text.decode(errors="replace")) for each in _named(*match.groups())]
-    return Source(hashlib.sha256(text).digest(), tuple(imported), changed)
+    imports = (_named(*match.groups()) for match in _IMPORT.finditer(text.decode(errors="replace")))
+    return hashlib.sha256(text).digest(), [each for paths in imports for each in paths]
 
 
 def _named(package: str | None, names: str, modules: str | None) -> list[Path]:

@@ -1,4 +1,4 @@
-r"""What all exponential collocation shares: weights of an interval, sines of eight angles, the end of an interval.
+r"""What all exponential collocation shares: weights of an interval, sines of many angles, the end of an interval.
 
 Over one interval of length h each component obeys, with its linear part taken out,
 
@@ -32,7 +32,7 @@ from synth.phase import Floats, Integers
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
 
-NODES = 16  # Gauss nodes of an interval
+NODES = LANES  # Gauss nodes of an interval: all at once
 POINTS = NODES + 2  # start, nodes and end of an interval
 FINE = 1 << 40  # nodes are multiples of 1/FINE of half an interval: their phases are exact in fixed point
 
@@ -97,8 +97,10 @@ def _quadrature() -> tuple[Floats, Floats, tuple[Longs, Longs], Floats]:
     with weight times l_k there; weight times l_k at all nodes, (node, point, k)."""
     nodes = np.longdouble(0.5) + gauss_nodes().astype(np.longdouble) / (2 * FINE)
     places = np.append(nodes, np.longdouble(1.0))
-    abscissa, share = _gauss()
-    points = places[:, None] * abscissa
+    with _ALONE, ctx.workprec(_BITS):  # the Gauss-Legendre rule on [0, 1]
+        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
+        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
+    points = places[:, None] * (np.longdouble(0.5) + abscissa)
     distance = points[:, :, None] - nodes
     rest = [np.delete(distance, k, axis=2) / (nodes[k] - np.delete(nodes, k)) for k in range(NODES)]
     basis = np.stack([each.prod(axis=2) for each in rest], axis=2) * (places[:, None] * share)[:, :, None]
@@ -111,14 +113,6 @@ def _long(ball: Any) -> Any:
     """The number as a long double."""
     leading = float(ball)
     return np.longdouble(leading) + np.longdouble(float(ball - leading))
-
-
-def _gauss() -> tuple[Longs, Longs]:
-    """Gauss-Legendre rule on [0, 1] in long doubles."""
-    with _ALONE, ctx.workprec(_BITS):
-        rule = [arb.legendre_p_root(_QUADRATURE, k, weight=True) for k in reversed(range(_QUADRATURE))]
-        abscissa, share = (np.array([_long(each / 2) for each in column]) for column in zip(*rule, strict=True))
-    return np.longdouble(0.5) + abscissa, share
 
 
 def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
@@ -199,7 +193,7 @@ def continuation() -> Floats:
 
 @kernel
 def turned(angle: Any) -> Any:
-    """sin, cos, `angle - sin` and `1 - cos` of eight angles.
+    """sin, cos, `angle - sin` and `1 - cos` of sixteen angles.
 
     Reduced to a quarter turn either way, then Taylor series; differences have no cancellation at small angles.
     """
@@ -225,25 +219,19 @@ def couple(
     matrix: Floats, place: int, known: Floats, now: int, c: int, base: Floats, begin: int, out: Floats
 ) -> None:  # fmt: skip
     """Values at the nodes: `base` from `begin` on, and weights from `place` on times the remainder."""
-    first, second = load(base, (c, begin)), load(base, (c, begin + LANES))
-    third, fourth = wide(0.0), wide(0.0)  # more chains of additions, which run side by side
-    for k in range(NODES // 2):
-        value, row = known[now, c, k], place + k * NODES
-        first += load(matrix, (c, row)) * value
-        second += load(matrix, (c, row + LANES)) * value
-        value, row = known[now, c, k + NODES // 2], row + NODES * NODES // 2
-        third += load(matrix, (c, row)) * value
-        fourth += load(matrix, (c, row + LANES)) * value
-    store(out, (c, 0), first + third)
-    store(out, (c, LANES), second + fourth)
+    half = NODES // 2
+    first, second = load(base, (c, begin)), wide(0.0)  # two chains of additions, which run side by side
+    for k in range(half):
+        first += load(matrix, (c, place + k * NODES)) * known[now, c, k]
+        second += load(matrix, (c, place + (k + half) * NODES)) * known[now, c, k + half]
+    store(out, (c, 0), first + second)
 
 
 @kernel
 def change(known: Floats, c: int) -> float:
     """Square of what a turn changed of the remainder."""
-    first = load(known, (1, c, 0)) - load(known, (0, c, 0))
-    second = load(known, (1, c, LANES)) - load(known, (0, c, LANES))
-    return total(first * first + second * second)
+    moved = load(known, (1, c, 0)) - load(known, (0, c, 0))
+    return total(moved * moved)
 
 
 @kernel
@@ -271,8 +259,7 @@ def advance(state: Floats, propagator: Floats, end: Floats, known: Floats, now: 
 @kernel
 def product_sum(rows: Floats, c: int, place: int, known: Floats, now: int, which: int) -> float:
     """Sum over the nodes of a row of weights times the remainder."""
-    first = load(rows, (c, place)) * load(known, (now, which, 0))
-    return total(first + load(rows, (c, place + LANES)) * load(known, (now, which, LANES)))
+    return total(load(rows, (c, place)) * load(known, (now, which, 0)))
 
 
 @kernel

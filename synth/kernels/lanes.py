@@ -1,8 +1,8 @@
 # mypy: disable-error-code="attr-defined,call-arg,import-untyped,no-untyped-call,untyped-decorator"
 # (Numba's extension interface has no types, and an intrinsic is called without its first argument.)
-"""Eight doubles at once, for kernels that must not depend on what the compiler can find out about their loops.
+"""Sixteen doubles at once, for kernels that must not depend on what the compiler can find out about their loops.
 
-`load(array, (row, start))` takes eight neighbours, `store` puts them back, arithmetic works on all eight (and with
+`load(array, (row, start))` takes sixteen neighbours, `store` puts them back, arithmetic works on all of them (and with
 plain numbers), and the compiler turns it into the widest instructions of the machine. Products and sums may be fused;
 they are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
 """
@@ -20,20 +20,20 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, models, overload, register_model
 
-LANES = 8
+LANES = 16
 _VECTOR = ir.VectorType(ir.DoubleType(), LANES)
 _FUSED = ("contract",)
 _BY_PLACE = inspect.Parameter.POSITIONAL_OR_KEYWORD
 
 
 class LanesType(types.Type):
-    """Type of eight doubles."""
+    """Type of sixteen doubles."""
 
     def __init__(self) -> None:
-        super().__init__(name="Lanes8")
+        super().__init__(name="Lanes16")
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
-        """A plain number stands for eight equal ones."""
+        """A plain number stands for as many equal ones."""
         return Conversion.safe if isinstance(other, types.Float | types.Integer) else None
 
 
@@ -142,25 +142,25 @@ def _put(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @_lowered(lanes_type, lambda context, builder, *of: builder.load(_address(context, builder, *of), align=8))
 def load(array: Any, indices: tuple[int, ...]) -> Any:
-    """Eight neighbours of a contiguous array from this element on."""
+    """Sixteen neighbours of a contiguous array from this element on."""
     return array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))].copy()
 
 
 @_lowered(types.void, _put)
 def store(array: Any, indices: tuple[int, ...], value: Any) -> None:
-    """Put eight neighbours back."""
+    """Put sixteen neighbours back."""
     array[(*indices[:-1], slice(indices[-1], indices[-1] + LANES))] = value
 
 
 @_lowered(types.float64, _sum)
 def total(value: Any) -> float:
-    """Sum of the eight."""
+    """Sum of them."""
     return float(np.sum(value))
 
 
 @_lowered(lanes_type, lambda context, builder, sig, args: _splat(builder, args[0]))
 def wide(value: float) -> Any:
-    """Eight times the same number."""
+    """Sixteen times the same number."""
     return np.full(LANES, value)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from synth.kernels.collocation import NODES, POINTS, advance, change, couple, last_terms, turned
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, store, total
+from synth.kernels.lanes import load, store, total
 from synth.phase import Floats
 
 _MOST_TURNS = 20  # iterations after which an interval counts as too long
@@ -62,13 +62,13 @@ def march(
     pendulums, intervals = steady.shape[0], steady.shape[1]
     base, theta = np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
     known = np.empty((2, pendulums, NODES))  # r of this turn and of the turn before, in either order
-    for p in range(pendulums):  # loops: Numba compiles seconds of messages for arrays that are assigned
-        for j in range(0, NODES, LANES):
-            store(known, (0, p, j), load(remainder, (p, j)))
+    for p in range(pendulums):  # a loop: Numba compiles seconds of messages for arrays that are assigned
+        store(known, (0, p, 0), load(remainder, (p, 0)))
     now, unchecked = 0, 0
     for i in range(intervals):
         for p in range(pendulums):
-            _free(flow, steady, p, i, state[p, 0], state[p, 2], base)
+            own = load(flow, (p, 0)) * state[p, 0] + load(flow, (p, NODES)) * state[p, 2]
+            store(base, (p, 0), load(steady, (p, i, 0)) + own)
             couple(guess, 0, known, now, p, base, 0, theta)
         turns = 0
         agree = False
@@ -93,36 +93,21 @@ def march(
         for p in range(pendulums):
             report[p, 3] = max(report[p, 3], state[p, 0] * state[p, 0] + state[p, 2] * state[p, 2])
             report[p, 4] += turns
-            _note(tail, known, now, p, report)
+            last, before = last_terms(tail, known, now, p)
+            report[p, 0], report[p, 1] = max(report[p, 0], last), max(report[p, 1], before)
+            values = load(known, (now, p, 0))
+            report[p, 2] += total(values * values)
             points[p, i, 0] = state[p, 0]
         advance(state, propagator, end, known, now)
         for p in range(pendulums):
-            for j in range(NODES):
-                points[p, i, j + 1] = theta[p, j] - steady[p, i, j]
+            store(points, (p, i, 1), load(theta, (p, 0)) - load(steady, (p, i, 0)))
             points[p, i, POINTS - 1] = state[p, 0]
             for k in range(2):
                 state[p, 2 * k] = impulses[0, p, i] * state[p, 2 * k] + impulses[1 + k, p, i]
                 state[p, 2 * k + 1] *= impulses[0, p, i]
     for p in range(pendulums):
-        for j in range(0, NODES, LANES):
-            store(remainder, (p, j), load(known, (now, p, j)))
+        store(remainder, (p, 0), load(known, (now, p, 0)))
     return int(intervals)
-
-
-@kernel
-def _free(flow: Floats, steady: Floats, p: int, i: int, angle: float, speed: float, out: Floats) -> None:
-    for j in range(0, NODES, LANES):
-        own = load(flow, (p, j)) * angle + load(flow, (p, NODES + j)) * speed
-        store(out, (p, j), load(steady, (p, i, j)) + own)
-
-
-@kernel
-def _note(tail: Floats, known: Floats, now: int, p: int, report: Floats) -> None:
-    """Raise the report by the Legendre tail and the size of the remainder."""
-    last, before = last_terms(tail, known, now, p)
-    first, second = load(known, (now, p, 0)), load(known, (now, p, LANES))
-    report[p, 0], report[p, 1] = max(report[p, 0], last), max(report[p, 1], before)
-    report[p, 2] += total(first * first + second * second)
 
 
 @kernel
@@ -134,11 +119,10 @@ def remainder_of(
 
     Of the linear law, which the support's horizontal acceleration does not change, r = -zeta theta - drive.
     """
-    for j in range(0, NODES, LANES):
-        angle, heave = load(theta, (p, j)), load(vertical, (i, j))
-        if linear:
-            pull = -(heave * angle)
-        else:
-            sine, _, short, rise = turned(angle)
-            pull = short - heave * sine + load(horizontal, (i, j)) * rise
-        store(known, (now, p, j), pull - load(drive, (i, j)))
+    angle, heave = load(theta, (p, 0)), load(vertical, (i, 0))
+    if linear:
+        pull = -(heave * angle)
+    else:
+        sine, _, short, rise = turned(angle)
+        pull = short - heave * sine + load(horizontal, (i, 0)) * rise
+    store(known, (now, p, 0), pull - load(drive, (i, 0)))

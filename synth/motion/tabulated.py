@@ -71,7 +71,8 @@ def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
     count = values.size
     margin = min(count - 1, max(64, count // 8))
     mean = float(np.mean(values))
-    fade = _fade(margin)
+    x = (np.arange(margin) + 1.0) / (margin + 1.0)
+    fade = (1 - np.tanh((1 / (1 - x) - 1 / x) / 2)) / 2  # from 1 to 0, with all derivatives vanishing at both ends
     left = 2 * values[0] - values[margin:0:-1]
     right = 2 * values[-1] - values[-2 : -margin - 2 : -1]
     closed = np.concatenate([values, mean + (right - mean) * fade, mean + (left - mean) * fade[::-1]])
@@ -81,12 +82,6 @@ def continued(values: Floats, step: float, delay: float) -> HarmonicSum:
     comb = Comb(0, spectrum.size, period)
     late = rational_turns(Fraction(delay) / period).phasors(np.arange(spectrum.size))[0]
     return HarmonicSum(comb.frequencies()[0], spectrum * late, (comb,) if spectrum.size > LONG else ())
-
-
-def _fade(count: int) -> Floats:
-    """From 1 to 0, with all derivatives vanishing at both ends."""
-    x = (np.arange(count) + 1.0) / (count + 1.0)
-    return np.asarray((1 - np.tanh((1 / (1 - x) - 1 / x) / 2)) / 2)
 
 
 def _resampled(seconds: Floats, values: Floats) -> tuple[Floats, Floats]:

@@ -147,7 +147,10 @@ class PeriodicSums:
         """Of each sum, the 16 points of the grid about every step, (M, 16)."""
         size = 1 << self._digits
         angle = np.arange(self.coefficients.shape[1], dtype=np.float64) * (2 * math.pi / size)
-        factor = _inverse_transform(angle) * (size / 2)
+        root = np.sqrt(_SHAPE**2 - (_HALF * angle) ** 2)
+        growth = np.exp((_HALF * angle) ** 2 / (_SHAPE + root))
+        inverse = root * growth / (_HALF * -np.expm1(-2 * root)) * _scaled_bessel(np.array(_SHAPE))  # 1/Phi
+        factor = inverse * (size / 2)
         factor[0] *= 2
         grids = (np.fft.irfft(each * factor, size) for each in self.coefficients)  # one at a time: they may be large
         around = [np.concatenate([grid[1 - _HALF :], grid, grid[:_HALF]]) for grid in grids]
@@ -173,13 +176,6 @@ def _polynomials() -> Floats:
     # I0(z) is exp(z) times a slow function: the difference of the exponents is formed without their rounding
     values = np.exp(-_SHAPE * away**2 / (1 + root)) * _scaled_bessel(_SHAPE * root) / _scaled_bessel(np.array(_SHAPE))
     return np.linalg.solve(np.polynomial.chebyshev.chebvander(nodes, _TERMS - 1), values)
-
-
-def _inverse_transform(angle: Floats) -> Floats:
-    """1/Phi at angles theta."""
-    root = np.sqrt(_SHAPE**2 - (_HALF * angle) ** 2)
-    growth = np.exp((_HALF * angle) ** 2 / (_SHAPE + root))
-    return np.asarray(root * growth / (_HALF * -np.expm1(-2 * root)) * _scaled_bessel(np.array(_SHAPE)))
 
 
 def _scaled_bessel(argument: Floats) -> Floats:

@@ -55,20 +55,7 @@ _RESOLVED = 2e-14  # of the largest angle: what r beyond its last term may cost
 
 @dataclass(frozen=True)
 class PicardPlan:
-    """Independent pendulums on one support, and when to read them.
-
-    Examples
-    --------
-    A free pendulum of 0.1 rad is late by theta^2/16 of a turn each turn:
-
-    >>> from fractions import Fraction
-    >>> still = HarmonicSum(np.empty(0), np.empty(0, dtype=complex))
-    >>> plan = PicardPlan(np.array([6.0]), np.zeros(1), np.array([[0.1, 0.0]]), still, still, 9.81,
-    ...                   EvenTimes(Fraction(1, 4), 9))
-    >>> theta, error = plan.elongation()
-    >>> bool(abs(theta[0, 8] - 0.1 * np.cos(12 * (1 - 0.1**2 / 16))) < 1e-5), error < 1e-14
-    (True, True)
-    """
+    """Independent pendulums on one support, and when to read them."""
 
     frequencies: Floats
     damping_rates: Floats
@@ -160,7 +147,7 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
         count = min(level.most, -(-(level.readings.intervals - done) // GROUP) * GROUP)
         carried, known, tried = state.copy(), remainder.copy(), copy(estimate)
         result = _stride(level, done, count, carried, known, tried)
-        if result is not None and tried.is_large and len(state) == shown:
+        if result is not None and np.any(tried.peak > LARGE) and len(state) == shown:
             # The growth of errors must be measured, from the start of this stride on.
             estimate = estimate.shadowed(tried)
             plan = plan.shadowed()
@@ -211,7 +198,7 @@ def _stride(
     if done < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)
-    if not estimate.is_resolved:
+    if not np.all(estimate.beyond <= _RESOLVED * estimate.peak):  # r is no polynomial of the nodes' degree
         return None
     portion = level.readings.portion(first, count)
     theta = level.readings.times.stretch(portion.start, portion.stop).values(level.shown)
@@ -237,8 +224,8 @@ class Estimate:
 
     def __init__(self, pendulums: int) -> None:
         self.shown = pendulums
-        self._amplitude, self._peak = np.zeros((2, pendulums))  # of y, squared; of the angle
-        self._beyond, self._walk = np.zeros((2, pendulums))  # what r beyond its last term costs; rounding, squared
+        self._amplitude, self.peak = np.zeros((2, pendulums))  # of y, squared; of the angle
+        self.beyond, self._walk = np.zeros((2, pendulums))  # what r beyond its last term costs; rounding, squared
         self._turned = np.zeros(pendulums)  # n t
         self._nudge, self._growth = np.zeros(pendulums), np.ones(pendulums)
 
@@ -246,7 +233,7 @@ class Estimate:
         """From here on with shadows; their nudge is a share of the largest angle that `other` saw."""
         result = copy(self)
         result._amplitude = np.tile(self._amplitude, 2)
-        result._nudge = _NUDGE * np.minimum(other._peak, np.pi)
+        result._nudge = _NUDGE * np.minimum(other.peak, np.pi)
         return result
 
     def nudge(self, state: Floats) -> None:
@@ -258,11 +245,6 @@ class Estimate:
             step = min(energy / steepness, _FARTHEST) if steepness > error else error
             direction = uphill / steepness if steepness > error else np.array([0.0, 1.0])
             shadow[[0, 2]] += step * direction
-
-    @property
-    def is_large(self) -> bool:
-        """Whether growth must be measured."""
-        return bool(np.any(self._peak > LARGE))
 
     def report(self) -> Floats:
         """Fresh report for `kernels.picard.march`."""
@@ -280,26 +262,21 @@ class Estimate:
         shown = slice(self.shown)
         last, before = np.sqrt(report[shown, 0]), np.sqrt(report[shown, 1])
         decay = np.divide(last, before, out=np.ones_like(last), where=before > last)
-        self._beyond = np.maximum(self._beyond, last * decay * (turn[shown] / (4 * NODES)) ** 2)
+        self.beyond = np.maximum(self.beyond, last * decay * (turn[shown] / (4 * NODES)) ** 2)
         self._walk = self._walk + (_EPSILON * turn[shown]) ** 2 * report[shown, 2] / NODES
         self._turned = self._turned + turn[shown] * points.shape[1]
-        self._peak = np.maximum(self._peak, np.sqrt(self._amplitude[shown]) + steady[shown])
+        self.peak = np.maximum(self.peak, np.sqrt(self._amplitude[shown]) + steady[shown])
         if len(points) > self.shown:
             apart = np.abs(points[self.shown :] - points[shown]).max(axis=(1, 2))
             grown = np.divide(apart, self._nudge, out=np.ones_like(apart), where=self._nudge > 0)
-            grown[apart > _FAR * self._peak] *= 10.0  # the distance is bounded, what it stands for is not
+            grown[apart > _FAR * self.peak] *= 10.0  # the distance is bounded, what it stands for is not
             self._growth = np.maximum(self._growth, grown)
-
-    @property
-    def is_resolved(self) -> bool:
-        """Whether r has been a polynomial of the nodes' degree so far."""
-        return bool(np.all(self._beyond <= _RESOLVED * self._peak))
 
     @property
     def relative(self) -> float:
         """Largest error relative to the largest angle; 2 says that nothing is known."""
         arc = 1.0 + self._turned * np.minimum(self._amplitude[: self.shown], LARGE**2) / 8
         walk = np.sqrt(self._walk) * np.maximum(self._growth, arc)
-        error = _LAST_PLACES * _EPSILON * self._peak + self._beyond + walk
-        share = np.divide(error, self._peak, out=np.zeros_like(error), where=self._peak > 0)
+        error = _LAST_PLACES * _EPSILON * self.peak + self.beyond + walk
+        share = np.divide(error, self.peak, out=np.zeros_like(error), where=self.peak > 0)
         return min(float(np.max(share, initial=0.0)), 2.0)

@@ -206,14 +206,6 @@ class Unwrapping:
 
     The signal's own phase may turn by half a turn between samples; the difference from the base moves slowly. The
     turns of that difference are counted in whole numbers, which do not depend on the chunks.
-
-    Examples
-    --------
-    >>> base = np.arange(0.0, 20.0, 2.5)[None]
-    >>> unwrapped = Unwrapping()
-    >>> halves = [unwrapped(np.exp(0.9j * base[:, half]), base[:, half]) for half in (slice(4), slice(4, None))]
-    >>> bool(np.allclose(np.hstack(halves), 0.9 * base))
-    True
     """
 
     def __init__(self) -> None:

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import by_type, or_none, registered
@@ -60,11 +58,7 @@ class DrivenPendulums(NamedTuple):
     vertical: Any = None  # z'', up positive: `Harmonics` or None
     terms: Any = None  # Resistances and drives, `terms.together(...)`, or None
     kicks: Any = None  # `terms.Impulses`, which the explicit integrator alone knows, or None
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 0
+    first_angle: int = 0  # Place of the first pendulum's angle in the state
 
 
 @or_none
@@ -93,8 +87,3 @@ def _response(state: Floats, index: int, system: DrivenPendulums, out: Floats) -
     """Unit impulse on one pendulum, per m l^2: its rate alone changes."""
     out[:] = 0.0
     out[2 * index + 1] = 1.0
-
-
-def plain(natural_frequency: float) -> DrivenPendulums:
-    """One free pendulum on a fixed support."""
-    return DrivenPendulums(np.array([natural_frequency]))

@@ -39,6 +39,7 @@ class ReducedBeam(NamedTuple):
     drive: float  # d = 2 eps/w0
     coupling: float  # m0 = m S0^2/(2 l^2 (M + 2 m))
     detuning: Floats  # (pendulums,) tau_i, from 4 w_i^2 = w0^2 (1 + tau_i)
+    first_angle: int = 2  # Place of the first clock in the state
 
     def difficulty(self, state: Floats) -> str | None:
         """Why there is no motion from this state on, or None."""
@@ -46,11 +47,6 @@ class ReducedBeam(NamedTuple):
         if left > 1e-3:
             return None
         return "the mass matrix of the reduced beam is singular: m sum phi^2 reaches M + 2 m; use the full system (1), a heavier beam, or a smaller arc"
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 2
 
 
 @registered("derivative", ReducedBeam)
@@ -90,15 +86,7 @@ class Reduction(NamedTuple):
 
 
 def reduced(beam: ElasticBeam) -> Reduction:
-    """Reduce a beam with clocks, whose only term is a `VanDerPolDrive`; `RefusedError` if system (2) cannot hold it.
-
-    Examples
-    --------
-    >>> clocks = VanDerPolDrive(np.full(2, 0.06), np.full(2, 0.055))
-    >>> made = reduced(ElasticBeam(50.0, np.full(2, 0.25), np.full(2, 0.25), 8080.0, 0.25, 9.8, clocks))
-    >>> round(made.time_scale, 6), round(made.system.drive, 6), round(float(made.system.detuning[0]), 4)
-    (6.324555, 0.009487, -0.02)
-    """
+    """Reduce a beam with clocks, whose only term is a `VanDerPolDrive`; `RefusedError` if system (2) cannot hold it."""
     drive = beam.terms
     if not isinstance(drive, VanDerPolDrive):
         raise _refused("each clock needs a van-der-pol escapement and no damping of its own")
@@ -116,7 +104,7 @@ def reduced(beam: ElasticBeam) -> Reduction:
     ):
         if np.ptp(values) > allowed * np.max(np.abs(values)):
             raise _refused(f"the {name} must be the same for all clocks")
-    total = beam.beam_mass + float(np.sum(beam.mass))
+    total = beam.own_mass + float(np.sum(beam.mass))
     fast = math.sqrt(beam.stiffness / total)  # w0
     system = ReducedBeam(
         beam_damping=beam.damping_rate / fast,

@@ -7,7 +7,7 @@ its share added. A new law is a field of the schema, declared a resistance, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,18 +19,6 @@ from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import registered
 from synth.systems.terms import together
-
-LAWS: dict[str, type] = {}  # Kinds of terms by the field of a scene's pendulum that brings them
-
-
-def law(field: str) -> Callable[[type], type]:
-    """Decorator: the class holds the numbers of a field, one array each; a number, or those of a section in order."""
-
-    def declared(kind: type) -> type:
-        LAWS[field] = kind
-        return kind
-
-    return declared
 
 
 def terms_of(pendulums: Sequence[Pendulum]) -> Any:
@@ -56,7 +44,6 @@ def terms_of(pendulums: Sequence[Pendulum]) -> Any:
     return together(*terms)
 
 
-@law("damping_rate")
 class Viscous(NamedTuple):
     """Damping `-2 gamma theta'`."""
 
@@ -69,7 +56,6 @@ def _viscous(acceleration: float, index: int, angle: float, rate: float, term: V
     return acceleration - 2.0 * term.damping_rate[index] * rate
 
 
-@law("quadratic_damping")
 class Quadratic(NamedTuple):
     """Turbulent air: `-c |theta'| theta'`."""
 
@@ -82,7 +68,6 @@ def _quadratic(acceleration: float, index: int, angle: float, rate: float, term:
     return acceleration - term.coefficient[index] * abs(rate) * rate
 
 
-@law("knife_edge")
 class KnifeEdge(NamedTuple):
     """Dry friction of a knife edge, smoothed: `-f tanh(theta' / scale)`."""
 
@@ -96,7 +81,6 @@ def _knife_edge(acceleration: float, index: int, angle: float, rate: float, term
     return acceleration - term.friction[index] * math.tanh(rate / term.scale[index])
 
 
-@law("escapement")
 class VanDerPolDrive(NamedTuple):
     """Escapement of Kanunnikov and Lamper, `Q_i/(m l_i) = eps (1 - S_i^2/S0^2) S_i'`, S_i = l_i phi_i."""
 
@@ -109,6 +93,12 @@ class VanDerPolDrive(NamedTuple):
 def _van_der_pol(acceleration: float, index: int, angle: float, rate: float, term: VanDerPolDrive) -> float:
     share = angle / term.angle[index]
     return acceleration + term.rate[index] * (1.0 - share * share) * rate
+
+
+LAWS: dict[str, type] = {
+    "damping_rate": Viscous, "quadratic_damping": Quadratic, "knife_edge": KnifeEdge, "escapement": VanDerPolDrive,
+}  # fmt: skip
+"""Terms by the field of a scene's pendulum whose number, or numbers in order, are theirs, one array each."""
 
 
 class VanDerPol(NamedTuple):

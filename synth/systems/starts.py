@@ -47,12 +47,6 @@ def fastest_rate(system: Any, start: ArrayLike) -> float:
     These are rest, the start, and where the swing may go from there: its ends, its middle, and where a van der Pol
     escapement leads it (twice its angle). No kernel is compiled for this: the equations run as plain Python. The motion
     of the ship is left out: it moves eigenvalues by its share of gravity and makes nothing stiff.
-
-    Examples
-    --------
-    >>> from synth.systems.resistance import VanDerPol
-    >>> round(fastest_rate(VanDerPol(1000.0), [2.0, 0.0]))
-    3000
     """
     calm = system._replace(**{name: None for name in ("horizontal", "vertical") if hasattr(system, name)})
     matrices = [plain_jacobian(0.0, state, calm) for state in _likely(calm, np.asarray(start, dtype=np.float64))]

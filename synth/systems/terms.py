@@ -45,15 +45,7 @@ class Both(NamedTuple):
 
 
 def together(*terms: Any) -> Any:
-    """Fold terms into nested pairs; no term at all is `None`.
-
-    Examples
-    --------
-    >>> together() is None
-    True
-    >>> together(1.0, None, 2.0)
-    Both(first=1.0, second=2.0)
-    """
+    """Fold terms into nested pairs; no term at all is `None`."""
     folded = None
     for each in reversed(terms):
         folded = each if folded is None else folded if each is None else Both(each, folded)
@@ -150,14 +142,7 @@ class Harmonics(NamedTuple):
 
 
 def harmonics(amplitude: ArrayLike, angular_frequency: ArrayLike, phase: ArrayLike) -> Harmonics:
-    """Build the term from amplitudes in m/s^2, circular frequencies in rad/s and phases in rad.
-
-    Examples
-    --------
-    >>> swell = harmonics([0.5], [7.0], [0.25])
-    >>> bool(abs(_level(3600.0, swell) - 0.5 * math.cos(math.remainder(25200.25, 2 * math.pi))) < 4e-12)
-    True
-    """
+    """Build the term from amplitudes in m/s^2, circular frequencies in rad/s and phases in rad."""
     columns = [np.atleast_1d(np.asarray(values, dtype=np.float64)) for values in (amplitude, angular_frequency, phase)]
     size, rate, start = (np.ascontiguousarray(column) for column in np.broadcast_arrays(*columns))
     parts = np.empty((3, size.size))

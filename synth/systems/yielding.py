@@ -44,7 +44,7 @@ from synth.systems.terms import carried, driven, motion, weight
 class ElasticBeam(NamedTuple):
     """Parameters; state (x, x', phi_1, phi_1', ...). Mirror: phi_i -> -phi_i, of each alone but for x_h''."""
 
-    beam_mass: float  # M, effective, kg
+    own_mass: float  # M, effective, kg
     mass: Floats  # (pendulums,) m_i, kg
     length: Floats  # (pendulums,) l_i, m
     stiffness: float  # K, N/m
@@ -53,17 +53,13 @@ class ElasticBeam(NamedTuple):
     terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
     horizontal: Any = None  # x_h'' of the ship: `Harmonics` or None
     vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 2
+    first_angle: int = 2  # Place of the first pendulum's angle in the state
 
 
 class FlexibleFrame(NamedTuple):
     """Parameters; state (X, X', phi_1, phi_1', ...). Mirror: X, all phi_i and x_h'' change sign together."""
 
-    frame_mass: float  # M, kg
+    own_mass: float  # M, kg
     mass: Floats  # (pendulums,) m_i, kg
     length: Floats  # (pendulums,) l_i, m
     stiffness: float  # K, N/m
@@ -72,22 +68,12 @@ class FlexibleFrame(NamedTuple):
     terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
     horizontal: Any = None  # x_h'' of the ship: `Harmonics` or None
     vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 2
+    first_angle: int = 2  # Place of the first pendulum's angle in the state
 
 
 @by_type("system")
 def lever(sine: Any, cosine: Any, system: Any) -> Any:
     """e and e' of a pendulum, from sine and cosine of its angle."""
-
-
-@taken_in
-def own_mass(system: Any) -> Any:
-    """M, kg: the first parameter of both."""
-    return system[0]
 
 
 @by_type("system")
@@ -121,7 +107,7 @@ def _frame_pushed(whole: float, system: FlexibleFrame, sideways: Any, upwards: A
 def _derivative(time: float, state: Floats, system: Any, out: Floats) -> None:
     masses, lengths, gravity, terms = system.mass, system.length, system.gravity, system.terms
     sideways, upwards = motion(time, system.horizontal), motion(time, system.vertical)
-    whole = own_mass(system)
+    whole = system.own_mass
     inertia = whole
     force = 0.0
     for i in range(lengths.size):
@@ -149,7 +135,7 @@ def _derivative(time: float, state: Floats, system: Any, out: Floats) -> None:
 def _response(state: Floats, index: int, system: Any, out: Floats) -> None:
     """Unit impulse (N m s) on one pendulum; the support recoils, and through it the others."""
     out[:] = 0.0
-    inertia = own_mass(system)
+    inertia = system.own_mass
     for i in range(system.length.size):
         arm, slope = lever(math.sin(state[2 * i + 2]), math.cos(state[2 * i + 2]), system)
         inertia += system.mass[i] * slope * slope
@@ -163,7 +149,7 @@ def _response(state: Floats, index: int, system: Any, out: Floats) -> None:
 
 def stiffness_of_ratio(ratio: float, system: ElasticBeam) -> float:
     """Stiffness that makes the loaded beam `ratio` times faster than a pendulum of the first length."""
-    total = system.beam_mass + float(np.sum(system.mass))
+    total = system.own_mass + float(np.sum(system.mass))
     return total * ratio * ratio * system.gravity / float(system.length[0])
 
 
@@ -175,17 +161,13 @@ class Metronomes(NamedTuple):
     terms: Any = None  # What drives or resists the swing, `terms.together(...)`, or None
     gravity: float = 9.80665  # m/s^2; only the ratio of z'' to it matters
     vertical: Any = None  # z'' of the ship, up positive: `Harmonics` or None
+    first_angle: int = 0  # Place of the first pendulum's angle in the state
 
     def difficulty(self, state: Floats) -> str | None:
         """Why there is no motion, or None."""
         if self.coupling * self.natural_frequency.size < 1.0:
             return None
         return "the coupling of the metronomes exceeds 1/number, so that the board would weigh nothing; make it smaller"
-
-    @property
-    def first_angle(self) -> int:
-        """Place of the first pendulum's angle in the state."""
-        return 0
 
 
 @registered("derivative", Metronomes)

@@ -10,7 +10,7 @@ from synth.phase import Floats
 from synth.systems.dispatch import by_type, registered
 from synth.systems.driven_pendulums import DrivenPendulums, Linear, Sine
 from synth.systems.reduced_beam import ReducedBeam
-from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever, own_mass
+from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, lever
 
 
 class SineFromTop(NamedTuple):
@@ -94,7 +94,7 @@ def _reduced(state: Floats, system: ReducedBeam) -> float:
 @kernel
 def energy_yielding(state: Floats, system: Any) -> float:
     """J; pendulums at rest count -m g l."""
-    total = 0.5 * (own_mass(system) * state[1] * state[1] + system.stiffness * state[0] * state[0])
+    total = 0.5 * (system.own_mass * state[1] * state[1] + system.stiffness * state[0] * state[0])
     for i in range(system.length.size):
         swing = system.length[i] * state[2 * i + 3]
         cosine = math.cos(state[2 * i + 2])

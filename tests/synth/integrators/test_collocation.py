@@ -13,11 +13,11 @@ from data_schemas.errors import RefusedError
 from synth.integrators import explicit
 from synth.integrators.collocation import FINEST, Problem, integrate, run
 from synth.integrators.collocation_remainders import linear_part
-from synth.systems.driven_pendulums import plain
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPolDrive
 from synth.systems.terms import together
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, Metronomes, stiffness_of_ratio
+from tests.synth.systems.system_examples import plain
 
 EVERY = pytest.mark.parametrize("name", ["beam", "reduced", "frame", "metronomes"])
 

@@ -79,16 +79,17 @@ def _work(values: Floats, out: Floats) -> float:
     return total(second)
 
 
-def test_eight_at_once_are_what_numpy_says() -> None:
-    values = np.random.default_rng(3).normal(size=(2, 16))
-    out = np.zeros((2, 16))
+def test_all_at_once_are_what_numpy_says() -> None:
+    values = np.random.default_rng(3).normal(size=(2, 2 * LANES))
+    out = np.zeros((2, 2 * LANES))
     summed = _work(values, out)
-    first, second = values[0, :8], values[1, 8:]
+    (above, product), (below, rest) = out.reshape(2, 2, LANES)
+    first, second = values[0, :LANES], values[1, LANES:]
     assert summed == pytest.approx(second.sum(), rel=1e-14)
-    np.testing.assert_allclose(out[0, :8], first + second * 2 - 3 / first, rtol=1e-15, atol=1e-15)  # fused products
-    np.testing.assert_array_equal(out[0, 8:], np.abs(first) * np.where(second > 0, second, np.nan))
-    np.testing.assert_array_equal(out[1, :8], (first + 1.0 - second) * 2.0)
-    np.testing.assert_array_equal(out[1, 8:], 0.0)
+    np.testing.assert_allclose(above, first + second * 2 - 3 / first, rtol=1e-15, atol=1e-15)  # fused products
+    np.testing.assert_array_equal(product, np.abs(first) * np.where(second > 0, second, np.nan))
+    np.testing.assert_array_equal(below, (first + 1.0 - second) * 2.0)
+    np.testing.assert_array_equal(rest, 0.0)
 
 
 @kernel

@@ -14,9 +14,10 @@ from pantaleone_board import pantaleone
 
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.events import escapement
-from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear
 from synth.systems.resistance import Viscous
 from synth.systems.yielding import ElasticBeam, FlexibleFrame
+from tests.synth.systems.system_examples import plain
 
 
 def exact_period(amplitude: float | str) -> float:

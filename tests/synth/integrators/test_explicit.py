@@ -13,11 +13,12 @@ from pantaleone_board import pantaleone
 from data_schemas.errors import RefusedError, UsageError
 from synth.integrators.explicit import LOOSEST, integrate
 from synth.integrators.explicit_march import Run
-from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import KnifeEdge, Quadratic, VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.terms import harmonics, together
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio
+from tests.synth.systems.system_examples import plain
 
 LENGTHS = np.array([0.249, 0.2484])
 BEAM_A = ReducedBeam(0.02, 0.02, 7.142857142857e-6, np.array([-0.01139, -0.01141]))

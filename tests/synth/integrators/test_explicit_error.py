@@ -14,9 +14,10 @@ from data_schemas.errors import RefusedError
 from synth.integrators.explicit import TIGHTEST, instants, integrate, refine
 from synth.integrators.explicit_march import Run
 from synth.phase import Floats
-from synth.systems.driven_pendulums import DrivenPendulums, Linear, plain
+from synth.systems.driven_pendulums import DrivenPendulums, Linear
 from synth.systems.resistance import VanDerPol, Viscous
 from synth.systems.terms import harmonics
+from tests.synth.systems.system_examples import plain
 
 SWING = 2 * math.pi
 

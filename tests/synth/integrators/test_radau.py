@@ -14,11 +14,11 @@ from synth.integrators import radau, radau_step
 from synth.integrators.radau import Problem, Run, integrate, swing_of_bobs
 from synth.integrators.radau_step import addresses, differences, part_step, space
 from synth.phase import Floats
-from synth.systems.driven_pendulums import plain
 from synth.systems.reduced_beam import ReducedBeam
 from synth.systems.resistance import VanDerPol
 from synth.systems.yielding import ElasticBeam, Metronomes
 from tests.synth.integrators.conftest import Cliff, Linear
+from tests.synth.systems.system_examples import plain
 
 INTERPRETED = pytest.mark.skipif(
     os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0"),

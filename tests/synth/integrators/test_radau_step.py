@@ -24,9 +24,9 @@ from synth.integrators.radau_step import (
 from synth.kernels.compiled import kernel
 from synth.phase import Floats
 from synth.systems.dispatch import jacobian
-from synth.systems.driven_pendulums import plain
 from synth.systems.resistance import VanDerPol
 from tests.synth.integrators.conftest import Cliff, Linear
+from tests.synth.systems.system_examples import plain
 
 STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
 

@@ -70,3 +70,8 @@ def mirrored(system: Any, state: Floats) -> tuple[Any, Floats]:
     if getattr(system, "horizontal", None) is not None:
         system = system._replace(horizontal=opposite(system.horizontal))
     return system, image
+
+
+def plain(natural_frequency: float) -> DrivenPendulums:
+    """One free pendulum on a fixed support."""
+    return DrivenPendulums(np.array([natural_frequency]))

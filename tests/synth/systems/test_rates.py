@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from system_examples import SYSTEMS, state_for
+from system_examples import SYSTEMS, plain, state_for
 
-from synth.systems.driven_pendulums import DrivenPendulums, plain
+from synth.systems.driven_pendulums import DrivenPendulums
 from synth.systems.resistance import KnifeEdge, VanDerPol, VanDerPolDrive, Viscous
 from synth.systems.starts import fastest_rate
 from synth.systems.yielding import ElasticBeam, FlexibleFrame, stiffness_of_ratio

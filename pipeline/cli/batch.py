@@ -9,33 +9,6 @@ from data_schemas.errors import UsageError
 from pipeline.cli.parser import number, positive
 from pipeline.cli.process import add_reduction_options
 
-HELP = "gravity from thousands of records"
-DESCRIPTION = """\
-Gravity from many inputs: records (.record.nc), folders and patterns of them, and scenes (.toml), which are
-simulated first, alone or over a grid of values (--sweep, --repeat).
-
-Into the folder of -o go one result an input, named as the input is below the inputs' common folder,
-summary.csv and summary.nc with a row an input and method, ledger.jsonl, which knows what was done, and
-batch.log.jsonl, which tells when. Interrupted or killed, the same command with --resume goes on: it keeps what
-was made of the same input with the same settings and versions and is still as it was written; the summary is
-then the same, bit by bit.
-
-Every input is read and processed in a process of its own, which may hold --memory MiB and twelve times what the
-input declares, for --timeout seconds: what crashes, hangs or deceives costs that input alone. --trusted lifts
-the limit of memory; --executor serial, in this process, wants trusted inputs. --scheduler gives the work to a
-dask cluster whose workers see the same files."""
-
-EXAMPLES = """\
-examples:
-  isochrony batch cruises/ -o results              every *.record.nc below the folder
-  isochrony batch 'cruises/*/day-*.record.nc' -o results --method projection --jobs 8
-  isochrony batch cruises/ -o results --resume --retry-failed
-  isochrony batch demo --sweep gravity=9.78:9.83:11 --repeat 20 -o campaign
-  isochrony batch cruises/ -o results --scheduler tcp://10.0.0.1:8786
-  isochrony batch cruises/ -o results --resume --dry-run
-
-exit status: 0 every input gave a value; 1 some did; 3 none did; 2 usage; 130 interrupted"""
-
 _TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}  # as dask names them
 
 

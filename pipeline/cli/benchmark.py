@@ -25,29 +25,10 @@ SUITES = {
 }
 _LISTED = "\n".join(f"  {name:<12} {text}" for name, text in SUITES.items())
 
-HELP = "measured claims, suite by suite"
-DESCRIPTION = f"""\
-Run a suite of benchmarks on scenes of the project's own and print its rows.
-
-Times are processor times: rivals take turns, medians are printed with their ranges. Ratios are appended, with date,
-machine and versions, to a history, which is drawn beside it: history.jsonl and history.png in the folder of -o, or
-the FILE of --history and its PNG.
-
-suites:
-{_LISTED}"""
-
-EXAMPLES = """\
-examples:
-  isochrony benchmark corrections --quick
-  isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
-  isochrony benchmark honesty --method auto,general --kind gap --seeds 3 -o out/
-  isochrony benchmark bars --json > bars.jsonl
-
-exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""
-
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
+    parser.description = f"{parser.description}\n{_LISTED}"
     parser.add_argument("suite", metavar="SUITE", type=one_of("suite", SUITES), help=", ".join(SUITES))
     parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
     parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")

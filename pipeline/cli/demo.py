@@ -20,21 +20,6 @@ if TYPE_CHECKING:
 _MILLIGAL = 1e-5  # m s-2
 _WARM = 60.0  # s
 
-HELP = "see it work: simulate, process, compare, draw"
-DESCRIPTION = """\
-Simulate a scene that ships with the package (real pendulums in a heaving submarine, noisy readings), process the
-record by every method, and compare with the truth: the paper's formulas beside the corrected formula, the exact
-inversion and the joint fit.
-
-Prints one row a method: gravity in m/s2, its error and its sigma in mGal (1e-5 m/s2), the run time in ms.
-Writes demo.record.nc, demo.truth.nc, demo.result.nc and the picture isochrony-demo.png into a folder; run
-again, it overwrites these files."""
-
-EXAMPLES = """\
-examples:
-  isochrony demo
-  isochrony demo -o /tmp/look --seed 3"""
-
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""

@@ -20,26 +20,6 @@ if TYPE_CHECKING:
     from pipeline.film.knowledge import FilmOptions, Known
     from pipeline.film.reading import Reading
 
-HELP = "read photographic films into records"
-DESCRIPTION = """\
-Read photographic films into records (netCDF): traces followed through crossings and gaps, time from the
-chronometer's marks, angles in rad with their uncertainty and flags.
-
-A film is one image (TIFF, PNG, JPEG; 8 or 16 bit; either way round; lines dark or light), or with --strips
-several overlapping images of one film, in order. Large films should be TIFF: they are read piece by piece.
-What is known of the film stands in NAME.film.toml beside it, or is said by options, which come first; all may
-be left out but what several traces need for gravity (--period and --gravity). A lever or mark interval that
-nobody states is assumed, and said so."""
-
-EXAMPLES = """\
-examples:
-  isochrony digitise ship.film.tif                         ship.record.nc
-  isochrony digitise scan.png --dpi 300 --trace 1 --trace 1-2 --lever 2000
-                     --period 1=1.0099 --period 2=1.0100 --gravity 9.81
-  isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview
-  isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
-  isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
-
 _NUMBERS = (
     ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
     ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),

@@ -10,27 +10,6 @@ from data_schemas.errors import UsageError
 from pipeline.cli.files import place, refuse_clashes, store
 from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods
 
-HELP = "turn columns of time and angle into a record"
-DESCRIPTION = """\
-Turn a text table into a record (netCDF).
-
-With no options the first column is time in s and every other a trace of angles in rad. Comma, semicolon,
-tab or blanks separate; a header is recognised, and the unit it says, such as "t (ms)" or "angle [deg]"; `#`
-starts a comment; empty, NaN, NA or - is a missing value; a decimal comma is understood unless the comma
-separates. Times are numbers or ISO dates; they must increase but need not be uniform. A file *.nc is read by
-its variables over time. A bob's x and y (--xy), as video and telephones write them, become its angle. A trace
-labelled 1 is pendulum 1, a trace labelled 1-2 the difference of pendulums 1 and 2. Period (full, at
-infinitesimal arc) and gravity may be left out only for a single trace."""
-
-EXAMPLES = """\
-examples:
-  isochrony import swing.csv                                  one pendulum, nothing known of it
-  isochrony import ship.csv --column left:1 --column film:1-2 --unit mm --lever 2000
-                            --period 1=1.0099 --period 2=1.0100 --gravity 9.81
-  isochrony import ship.nc --heave az --instrument frame.toml
-  isochrony import tracker.csv --xy x,y
-  isochrony import a.csv --time clock --column 3:upper --combination upper=1-2 --column 2:1 ..."""
-
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""

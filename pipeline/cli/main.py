@@ -19,7 +19,7 @@ from typing import Any
 from data_schemas.errors import IsochronyError, UsageError
 from data_schemas.shield import bounded
 from pipeline.cli import simulate, small
-from pipeline.cli.parser import Parser, did_you_mean
+from pipeline.cli.parser import Parser, did_you_mean, page
 from pipeline.cli.tables import Printable, complain
 from synth.kernels import cache
 
@@ -35,25 +35,6 @@ _VERBS = {
 _READERS = ("process", "plot", "validate", "digitise", "import", "join")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs
 """What reads files of anybody's making in this process, and what that may hold; batch has processes for them."""
-
-_DESCRIPTION = """\
-Gravity from pendulum records made at sea: simulate them, process them, compare the methods.
-
-SI units and radians throughout; gravity in m/s2, its errors in mGal (1 mGal = 1e-5 m/s2),
-periods are full periods."""
-
-_EXAMPLES = """\
-examples:
-  isochrony demo                                 a ship record made and processed, with a table and a picture
-  isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
-  isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
-  isochrony batch cruises/ -o results            the same for thousands, unattended
-  isochrony expose ship.record.nc --film typical ship.film.tif, as a camera would have made it
-  isochrony import swing.csv --period 1.029 --gravity 9.81
-  isochrony plot ship.result.nc -o ship.png
-
-exit status: 0 all good; 1 some inputs failed or were refused, some good; 2 usage, configuration or scene;
-3 no input usable; 70 internal error; 130 interrupted"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,12 +70,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    top = Parser(prog="isochrony", description=_DESCRIPTION, epilog=_EXAMPLES)
+    own = page("isochrony")
+    top = Parser(prog="isochrony", description=own["description"], epilog=own["epilog"])
     top.add_argument("-V", "--version", action="store_true", help="print the version and leave")
     verbs = top.add_subparsers(title="verbs", metavar="VERB", dest="verb")
     parsers: dict[str, Parser] = {}
     for name, module in _VERBS.items():
-        parsers[name] = verbs.add_parser(name, help=module.HELP, description=module.DESCRIPTION, epilog=module.EXAMPLES)
+        parsers[name] = verbs.add_parser(name, **page(name))
         module.add_options(parsers[name])
     if words and words[0] in parsers:
         options = parsers[words[0]].parse_strictly(words[1:])

@@ -8,18 +8,24 @@ import os
 import textwrap
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn
 
 from data_schemas.errors import UsageError
+
+
+def page(verb: str) -> dict[str, str]:
+    """What help says of a verb, as `Parser` takes it: one line, description and examples, from its file in `pages`."""
+    text = (Path(__file__).parent / "pages" / f"{verb}.txt").read_text(encoding="utf-8").rstrip()
+    line, described = text.split("\n\n", 1)
+    description, _, examples = described.partition("\n\nexamples:\n")
+    return {"help": line, "description": description, "epilog": f"examples:\n{examples}"}
 
 
 @dataclass
 class Verb:
     """A verb of a few lines, with what a module of a larger one has under the same names."""
 
-    HELP: str
-    DESCRIPTION: str
-    EXAMPLES: str
     add_options: Callable[[argparse.ArgumentParser], object]
     run: Callable[[argparse.Namespace], int]
 

@@ -20,23 +20,6 @@ if TYPE_CHECKING:
 
     from data_schemas.layouts import Kind
 
-HELP = "draw a record, a result or a film"
-DESCRIPTION = """\
-Draw a file as PNG; no window is opened. Needs the extra `plot` (matplotlib).
-
-A record: every trace whole (mrad or rad against time), and 20 s of it.
-A result: amplitude of every component, phase speed before and after the correction (as the mGal of gravity it
-stands for), gravity of every method with its sigma.
-A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law.
-A result of clocks (process --synchrony): phase differences (turns), amplitudes (rad), Allan deviations.
-A film (TIFF, PNG, JPEG): the image in strips, with what `digitise` reads of it laid over: traces, marks, flags.
---from and --to show a part of it larger; the options of a film are those of `digitise`."""
-
-EXAMPLES = """\
-examples:
-  isochrony plot ship.record.nc                            ship.record.png
-  isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png
-  isochrony plot ship.film.tif --from 60 --to 70           ship.film.png: ten seconds of film"""
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
 
 

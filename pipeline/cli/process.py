@@ -17,44 +17,12 @@ from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
 
 _METHOD_LIST = "\n".join(f"  {name:<14}  {each.words}" for name, each in DECLARED.items())
-
-HELP = "gravity from records"
-DESCRIPTION = f"""\
-Gravity from records: all pendulums and the ship fitted at once, or the difference of two pendulums by the paper's
-formulas; the corrections, the uncertainty.
-
-With --synchrony the record is read as one of clocks on a common support instead: for each pair its verdict (in
-phase, antiphase, quadrature, other angle, drifting, intermittent) with the confidence, the angle in degrees, from
-when it is locked, slips, and how many swings a day one outruns the other. The file holds phases, amplitudes, the
-Allan deviation of each clock, and the motion of the support where its acceleration was recorded.
-
-Each record gives a table row per method and one result file with all methods: gravity in m/s2, its sigma in
-mGal (1e-5 m/s2), the corrections that were added in mGal, and flags that name what to distrust. A record with
-a single trace gives its full period at infinitesimal arc in s.
-
-For a single record the ledger follows: every correction in mGal and in 1e-7 s of the full period, always added,
-with its sigma and what it was made from; what the record gives no input for is listed as not applied, never
-assumed. The inputs are variables of /instrument (`isochrony schema record`): chronometer_rate, temperature,
-air_density, tilt_mean_square, yaw_rate, transverse_acceleration_mean_square, latitude, speed, course, and
-base_time, base_gravity, base_period of base stations before and after; X_uncertainty is the sigma of X.
-
-methods:
-{_METHOD_LIST}
-  all             every one of the above but auto"""
-
-EXAMPLES = """\
-examples:
-  isochrony process ship.record.nc
-  isochrony process ship.record.nc --method panteleev,projection --json
-  isochrony process *.record.nc -o results/       one result file a record, in the folder results
-  isochrony process three.record.nc --pair 2-3    the difference of two of three pendulums
-  isochrony process clocks.record.nc --synchrony  do these clocks keep step?
-
-exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
+_METHOD_LIST += "\n  all             every one of the above but auto"
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """List the options."""
+    parser.description = f"{parser.description}\n{_METHOD_LIST}"
     add = parser.add_argument
     add("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
     add_reduction_options(parser)

@@ -23,28 +23,6 @@ if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
 
-HELP = "make a record and its truth from a scene"
-DESCRIPTION = """\
-Simulate a scene (TOML): pendulums, their support, the ship's motion and the recording, from the scene's seed.
-The propagator is chosen by what the scene names; --explain tells which, and why, and simulates nothing.
-
-Two files are written: NAME.record.nc, what the instrument saw (elongations in rad against time in s), and
-NAME.truth.nc, what it should have found (gravity in m/s2, frequencies in rad/s): processing never reads it.
-A scene that ships with the package may be named without a path, such as `demo`. Long records go to disk as
-they are made: memory does not grow with them, but for the motion of what needs a general integrator.
-
-With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.nc and so on in one folder, and
-the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started
-again after an interrupt, it keeps the members that are there and whole."""
-
-EXAMPLES = """\
-examples:
-  isochrony simulate ship.toml                    ship.record.nc and ship.truth.nc beside the scene
-  isochrony simulate ship.toml --seed 7 -o out/   another noise, in the folder out
-  isochrony simulate demo -o night.record.nc      the shipped scene; the truth goes to night.truth.nc
-  isochrony simulate clocks-on-beam --explain     terms, propagator, why, expected error
-  isochrony simulate escapement --tolerance 1e-9  quicker, and no better than asked
-  isochrony simulate demo --ensemble 100 --vary pendulums.0.start.phase=0:6.28 --vary gravity=9.78:9.83"""
 _WORTHWHILE = 4  # members a further process must have to do, for starting it takes as long as some
 
 
@@ -221,24 +199,4 @@ def _expose(options: argparse.Namespace) -> int:
     return 0
 
 
-EXPOSE = Verb(
-    "put a record or a scene on photographic film",
-    """\
-Expose a photographic film to a record (.nc) or a scene (TOML, or the name of a shipped one), develop and scan it.
-Needs the extra `film` (tifffile).
-
-Three files are written: NAME.film.tif, the image (BigTIFF, rows along the film), NAME.film.toml, what an observer
-knows of the film, and NAME.film.truth.nc, what he does not (time, elongation and pixel of every row and trace):
-reading the film never uses it. The samples of a record are joined by a smooth curve; where it has none, the lamp
-is off. A scene is simulated without noise and gaps of its recording.
-
---film takes a shipped film (clean, typical, bad, historic-slow) or a TOML file with the keys of a scene's section
-[film]; without it, the section of the scene counts, or a film without any defect. All sizes are assumed.""",
-    """\
-examples:
-  isochrony expose ship.record.nc --film typical      ship.film.tif, .film.toml and .film.truth.nc beside the record
-  isochrony expose night.toml                         the film that the scene names
-  isochrony expose night.toml --film mine.toml --seed 7 -o out/""",
-    _add_expose_options,
-    _expose,
-)
+EXPOSE = Verb(_add_expose_options, _expose)

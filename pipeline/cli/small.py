@@ -112,71 +112,22 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 VERBS = {
-    "join": Verb(
-        "part records put together",
-        """\
-Put records of the same pendulums together, one after the other: parts of a film that were read one by one, days of a
-cruise. Parts may be named in any order; their times must not overlap, and count from the date in the units of their
-time (start_time in a film's TOML). Constants of the instrument must be the same in all.""",
-        """\
-examples:
-  isochrony join night-1.record.nc night-2.record.nc -o night.record.nc
-
-exit status: 0 joined; 2 usage; 3 a part cannot be used""",
-        _add_parts,
-        _join,
-    ),
+    "join": Verb(_add_parts, _join),
     "validate": Verb(
-        "name every fault of a file",
-        """\
-Check files against their schema: records, truths, results (netCDF) and scenes (TOML).
-
-Each file gets one line "NAME: good", or one line for every fault with its remedy: layout, dimensions, types,
-units, times that do not increase, values that cannot be, content that does not match its checksum.""",
-        """\
-examples:
-  isochrony validate ship.record.nc
-  isochrony validate ship.toml *.nc
-
-exit status: 0 all good; 1 some good; 3 none good""",
         lambda parser: parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result"),
         _validate,
     ),
     "schema": Verb(
-        "print the layout of a file kind",
-        """\
-Print the JSON Schema of a file kind: every field with its unit, its range and its meaning.
-
-scene describes the TOML file; record, truth, result, film-truth and summary (of a batch) describe the netCDF files,
-group by group.""",
-        "examples:\n  isochrony schema scene\n  isochrony schema record > record.schema.json",
         lambda parser: parser.add_argument(
             "name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS)
         ),
         _schema,
     ),
     "explain": Verb(
-        "what a flag means",
-        "Tell what a flag of a result means, and what to do about it; without a name all of them.",
-        "examples:\n  isochrony explain\n  isochrony explain apparatus-fault",
         lambda parser: parser.add_argument(
             "flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name"
         ),
         _explain,
     ),
-    "warm": Verb(
-        "compile ahead what the other verbs need",
-        """\
-Compile every kernel that the methods, the shipped scenes and films need, and keep the machine code in the user's cache
-($XDG_CACHE_HOME or ~/.cache). Without it, the first command that needs a kernel compiles it, and says so.
-
-Small records, scenes and a film are worked on in a temporary folder; nothing else is written. What is there is
-not compiled again: after an edit of the sources, or an upgrade, only what depends on it. Takes a minute or two after
-an installation, and a second where all is ready.""",
-        """\
-examples:
-  isochrony warm                                 once after installation, or in an image before it is shipped""",
-        lambda parser: None,
-        _warm,
-    ),
+    "warm": Verb(lambda parser: None, _warm),
 }

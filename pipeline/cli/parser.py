@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from data_schemas.errors import UsageError
 
 
-def page(verb: str) -> dict[str, str]:
+def page(verb: str) -> dict[str, Any]:
     """What help says of a verb, as `Parser` takes it: one line, description and examples, from its file in `pages`."""
     text = (Path(__file__).parent / "pages" / f"{verb}.txt").read_text(encoding="utf-8").rstrip()
     line, described = text.split("\n\n", 1)

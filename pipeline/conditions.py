@@ -35,10 +35,7 @@ BASE = ("base_time", "base_gravity", "base_period")
 
 
 def refuse_impossible(constants: Constants, period: Floats, longer: Floats) -> None:
-    """Refuse by `RecordError` conditions that no pendulum at sea has: most likely a wrong unit.
-
-    `period` (2,) are the stated ones, `longer` (2,) what the conditions add to them, s.
-    """
+    """`RecordError` for conditions that add (2,) to the periods (2,), s, what none at sea do: likely a wrong unit."""
     change = float(np.abs(longer / period).max())
     if change > MOST_CHANGE:
         raise RecordError(

@@ -20,10 +20,7 @@ from pipeline.batch.ledger import NAME, Index, Ledger, Log
 
 
 def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:
-    """Whether the ledger's outcome of a job still holds: same input, settings and versions, and the output verifies.
-
-    `retry_failed`: what failed is to be done again; what a method refused it would refuse again.
-    """
+    """Whether a job's outcome holds: same input, settings, versions, output; `retry_failed`: none that failed does."""
     place = ledger.places.get(config.key)
     if place is None or not place.fits(config, ledger.versions) or (place.status == "failed" and retry_failed):
         return False
@@ -33,10 +30,7 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove what killed processes of a batch left half-written in its folder and below, and say how many.
-
-    Folders with a ledger of their own are another batch's, and not entered. `FileError` where one cannot be removed.
-    """
+    """Remove what killed processes left half-written in a batch's folder; how many. `FileError` where it fails."""
     count, begins = 0, f".isochrony-{owner_of(folder)}"
     for place, below, names in os.walk(folder):
         below[:] = [name for name in below if not os.path.lexists(os.path.join(place, name, NAME))]

@@ -73,10 +73,7 @@ WAYS: Mapping[str, Way] = {BARE: _bare, ONE: partial(_batch, jobs=1), TWO: parti
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[tables.Row]:
-    """Yield one row a way, then one row a promise; ways take turns, so that a busy machine slows all of them.
-
-    Quick: fewer records, one round.
-    """
+    """Yield one row a way, the ways taking turns, then one row a promise; quick: fewer records, one round."""
     count, rounds = QUICK if quick else FULL
     taken: dict[str, list[float]] = {name: [] for name in WAYS}
     spent: dict[str, list[float]] = {name: [] for name in WAYS}

@@ -89,11 +89,7 @@ def kinds(*, quick: bool) -> list[Kind]:
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield a row a kind of record (error of each method, mGal), a row a refusal with its reason, and a row a method
-    (CPU time and errors over all records).
-
-    Quick: shorter records of real pendulums.
-    """
+    """Yield a row a kind (error of each method, mGal), a refusal, a method (CPU time, errors); quick: shorter."""
     points: list[Row] = []
     for kind in progress(kinds(quick=quick), "corrections"):
         rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, folder)]
@@ -134,11 +130,7 @@ def _compile(name: str) -> None:
 
 
 def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Row]) -> Row:
-    """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
-
-    `rows` are of the record that is shown, one a method; `others` of records in other swells, by the methods that must
-    be wrong.
-    """
+    """Errors on the record that is shown, who is silently wrong, whether the pattern holds, `others` counted."""
     errors = {row["method"]: row["error_mgal"] for row in rows}
     silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
     every = [*rows, *others]

@@ -51,10 +51,7 @@ class Case(NamedTuple):
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield one row a film and reader, then one row a promise.
-
-    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film.
-    """
+    """Yield a row a film and reader, then a row a promise; quick: two minutes, ends of axes, none of half an hour."""
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / "case.film.tif"
         short = next(cases(_WARM_SECONDS, quick=True))  # no film is charged with what is compiled at first use

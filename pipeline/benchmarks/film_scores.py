@@ -69,10 +69,7 @@ def order(position: Floats, truth: Truth) -> list[int]:
 
 
 def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
-    """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
-
-    Both arrays are (traces, rows): NaN where nothing was read, and flagged where the reader says that it may be wrong.
-    """
+    """Errors of readings (traces, rows), NaN = none, normal to the line, px; flagged: those the reader doubts."""
     column, slope = truth.column, truth.slope
     lit = np.isfinite(column)
     error = (position - column) / np.hypot(1.0, slope)

@@ -47,10 +47,7 @@ _WAYS: dict[str, dict[str, Any]] = {
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, and in words what holds.
-
-    Quick: three alphas, a map of 12 x 12 instead of 64 x 64.
-    """
+    """Yield the regime a way and alpha, the edge of locking a tau, and what holds; quick: three alphas, a small map."""
     curves = rows(ALPHAS[2::4] if quick else ALPHAS)
     yield from curves
     size = QUICK if quick else FULL

@@ -115,10 +115,7 @@ def scipy(problem: Problem, tolerance: float) -> Call:
 
 
 def cvode(problem: Problem, tolerance: float) -> Call:
-    """SUNDIALS CVODE by scikit-sundae, its stiff method with the Jacobian, the constants compiled into both.
-
-    It counts the arguments of what it calls: no compiled function shows them.
-    """
+    """SUNDIALS CVODE, its stiff method with the Jacobian; it counts arguments, which no compiled function shows."""
     from numba import njit
     from sksundae.cvode import CVODE
 
@@ -165,10 +162,7 @@ _LEAST_ERROR = 1e-17
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield two kinds of rows: work-precision with the propagators' own estimates, and bars.
-
-    Quick: a tenth as long, fewer tolerances.
-    """
+    """Yield work-precision with the propagators' own estimates, and bars; quick: a tenth as long, fewer tolerances."""
     races: dict[str, list[Row]] = {}
     for name, problem in raced(quick=quick).items():
         races[name] = sweep(problem, reference(problem), quick=quick)

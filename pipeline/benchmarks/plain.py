@@ -185,10 +185,7 @@ def integrate(times: Floats, start: Floats, own: Pendulums, support: Support, ki
 
 
 def forced(own: Pendulums, support: Support) -> Floats:
-    """Elongation and rate at t = 0 of small forced oscillations, (pendulums, 2).
-
-    A pendulum released at rest in a swell would carry another free harmonic of the swell's size.
-    """
+    """Elongation and rate at t = 0 of small forced oscillations, (pendulums, 2): rest would add a free one."""
     rate, across = support.rate, support.across
     square = support.gravity[0] / own.length[:, None]
     answer = -across / own.length[:, None] / (square - rate**2 + 2j * own.damping[:, None] * rate)

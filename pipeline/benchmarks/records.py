@@ -34,10 +34,7 @@ Random = np.random.Generator
 
 
 def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
-    """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
-
-    Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
-    """
+    """Traces (traces, samples) as they are read, rad, NaN where nothing is; and the case's tilt with its roll, rad."""
     # gains and zeros
     out = (traces + case.cubic * traces**3) * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
@@ -90,10 +87,7 @@ class Made(NamedTuple):
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
-    """Make the record of that kind, strength ("weak", "middle", "strong") and number; always the same.
-
-    With a duration, s, instead of the kind's own if that is given.
-    """
+    """The record of that kind, strength and number, always the same; of another duration, s, if one is given."""
     digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
     random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))
     case = case_of(kind, strength)

@@ -246,10 +246,7 @@ def judge(motion: Motion, found: Mapping[Propagator, Found]) -> Row:
 
 
 def error_of(motion: Motion, name: Propagator, angles: Floats) -> tuple[float, float]:
-    """Largest error relative to the largest true angle of its pendulum, and how far the truth itself may be off.
-
-    An angle that stays zero counts in rad.
-    """
+    """Largest error over its pendulum's largest true angle (rad where that is 0), and how far off the truth may be."""
     rows = np.unique(np.linspace(0, motion.count - 1, min(motion.count, MOST)).astype(np.int64))
     if motion.true is not None:
         true, doubt = motion.true([motion.step * row for row in rows.tolist()]), motion.apart

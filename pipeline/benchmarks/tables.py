@@ -163,10 +163,7 @@ def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float |
 
 
 def command(*words: str, **environment: str) -> Call:
-    """A call that runs a program from start to exit with the packages of this tree, and gives its output.
-
-    `CalledProcessError` where the program fails: its time would mean nothing.
-    """
+    """A call that runs a program with this tree's packages, for its output; `CalledProcessError` if it fails."""
     given = tree_environment() | environment
     return lambda: subprocess.run(words, env=given, check=True, capture_output=True, text=True).stdout
 

@@ -6,39 +6,8 @@ import argparse
 import os
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import number, positive
-from pipeline.cli.process import add_reduction_options
 
 _TLS = {"tls_ca": "tls_ca_file", "tls_cert": "tls_client_cert", "tls_key": "tls_client_key"}  # as dask names them
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("inputs", metavar="INPUT", nargs="+", help="record, scene, folder, or pattern in quotes")
-    add("-o", dest="out", metavar="FOLDER", required=True, help="folder of results, summary and ledger")
-    add_reduction_options(parser)
-    add("--force", action="store_true", help="do everything anew, whatever is there")
-    add("--json", action="store_true", help="JSON Lines of all results, in order, at the end")
-    add = parser.add_argument_group("scenes").add_argument
-    add("--sweep", action="append", metavar="KEY=VALUES", help="values A,B,C or LOW:HIGH:COUNT of a key")
-    add("--repeat", type=positive("--repeat"), metavar="N", help="members a point, each with its own seed")
-    add("--allow-paths", action="store_true", help="a scene's tables may lie outside its folder")
-    add = parser.add_argument_group("course").add_argument
-    add("--resume", action="store_true", help="keep what was done and still holds")
-    add("--retry-failed", action="store_true", help="--resume, and do again what failed")
-    add("--dry-run", action="store_true", help="tell what would be done, and leave")
-    add("--limit", type=positive("--limit"), metavar="N", help="do at most N inputs, keep the others for later")
-    add = parser.add_argument_group("work").add_argument
-    add("--jobs", type=positive("--jobs"), metavar="N", help="processes (default: one a processor)")
-    add("--timeout", type=number("--timeout", above=0.0), default=600.0, metavar="S", help="s an input (600)")
-    add("--memory", type=positive("--memory"), default=512, metavar="MIB", help="MiB a process (512)")
-    add("--trusted", action="store_true", help="do not limit memory")
-    add("--executor", choices=("pool", "serial"), default="pool", help="pool (default) or serial")
-    add("--scheduler", metavar="ADDRESS", help="of a dask cluster, such as tls://10.0.0.1:8786")
-    add("--tls-ca", metavar="FILE", help="certificate that the cluster's are signed with")
-    add("--tls-cert", metavar="FILE", help="own certificate, for the cluster")
-    add("--tls-key", metavar="FILE", help="own key, for the cluster")
 
 
 def run(options: argparse.Namespace) -> int:

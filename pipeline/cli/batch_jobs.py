@@ -57,10 +57,7 @@ def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
 
 
 def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
-    """The scene of one point of a grid, with a seed of its own.
-
-    `SceneError` for a key that the scene does not have, or a value that is not allowed.
-    """
+    """One point of a grid, with a seed of its own; `SceneError` for a key that the scene has not, or a bad value."""
     from synth.ensemble import member, member_scenes
 
     vary: dict[str, Any] = {key: lambda _chance, value=value: value for key, value in variant}
@@ -152,11 +149,7 @@ def _executor(options: argparse.Namespace, jobs: list[Job]) -> Any:
 
 
 def jobs_of(options: argparse.Namespace, folder: Path) -> list[Job]:
-    """Every input with its settings, in order.
-
-    `UsageError` for words that mean no file, options that contradict each other, an unknown method; `SceneError` for a
-    key of a sweep that its scene does not have.
-    """
+    """Every input with its settings, in order; `UsageError`, `SceneError`: words, options or keys that do not fit."""
     methods = requested_methods("batch", options.method)
     inputs = find_inputs([str(shipped(word, os.path.exists)) if word else "" for word in options.inputs], KINDS)
     points = _points(options, inputs)

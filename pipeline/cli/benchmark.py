@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import one_of, positive
+from pipeline.cli.parser import one_of
 from pipeline.cli.tables import print_json, print_table
 
 SUITES = {
@@ -23,25 +23,12 @@ SUITES = {
     "batch": "a record's cost in a batch beside a bare loop, one process and two",
     "bars": "promised accuracy, statistics and cost: bar, value, limit, pass",
 }
-_LISTED = "\n".join(f"  {name:<12} {text}" for name, text in SUITES.items())
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.description = f"{parser.description}\n{_LISTED}"
-    parser.add_argument("suite", metavar="SUITE", type=one_of("suite", SUITES), help=", ".join(SUITES))
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
-    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep its tables and pictures (created if absent)")
-    parser.add_argument("--history", metavar="FILE", help="history of ratios (default history.jsonl in the folder)")
-    own = parser.add_argument_group("suite honesty")
-    own.add_argument("--method", metavar="NAME[,NAME]", help="methods to reduce by (default auto)")
-    own.add_argument("--kind", metavar="TEXT", help="only kinds with TEXT in their name, or of group sea or instrument")
-    own.add_argument("--seeds", metavar="N", type=positive("--seeds"), help="records of each kind (default 5)")
+LISTED = "".join(f"\n  {name:<12} {text}" for name, text in SUITES.items())
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
+    one_of("suite", SUITES)(options.suite)
     from pipeline.benchmarks import tables
 
     folder = None if options.out is None else Path(options.out)

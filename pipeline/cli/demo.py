@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import data_schemas
 import synth
 from data_schemas.errors import FileError, UsageError
-from pipeline.cli.parser import whole_number
 from pipeline.cli.tables import columns, print_header, print_row, print_text
 from pipeline.methods import DECLARED, METHODS
 
@@ -19,12 +18,6 @@ if TYPE_CHECKING:
 
 _MILLIGAL = 1e-5  # m s-2
 _WARM = 60.0  # s
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.add_argument("-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo")
-    parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
 
 
 def run(options: argparse.Namespace) -> int:

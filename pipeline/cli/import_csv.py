@@ -8,30 +8,7 @@ from typing import Any
 
 from data_schemas.errors import UsageError
 from pipeline.cli.files import place, refuse_clashes, store
-from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("table", metavar="CSV", help="text table")
-    add("--time", default="", metavar="NAME", help="time column, by name or number from 1 (default the first)")
-    columns = "column to import, by name or number from 1, and its trace (default all); repeatable"
-    add("--column", action="append", default=[], metavar="NAME[:TRACE]", help=columns)
-    add_meaning_options(parser, "optical lever, with --unit mm")
-    units = "rad, mrad, deg, or mm on the film (default: what the header says, else rad)"
-    add("--unit", type=one_of("unit", ("rad", "mrad", "deg", "mm")), metavar="UNIT", help=units)
-    add("--xy", default="", metavar="X,Y", help="columns of a bob's position, from which its angle is made")
-    add("--heave", metavar="NAME", help="column of the support's vertical acceleration, m/s2, up positive")
-    add("--horizontal", metavar="NAME", help="column of the support's horizontal acceleration, m/s2")
-    add("--damping", action="append", default=[], metavar="LABEL=RATE", help="damping rate of a pendulum, 1/s")
-    add("--noise", type=number("--noise", above=0.0), metavar="X", help="1 sigma of the readings, in their unit")
-    add("--latitude", type=number("--latitude", above=-90.0), metavar="DEG", help="geodetic latitude, degrees north")
-    add("--scale", type=number("--scale"), metavar="X", help="relative 1 sigma of the scale of the angles")
-    add("--zero-known", action="store_true", help="angles are absolute: their zeros need not be found")
-    add("--instrument", metavar="TOML", help="constants of /instrument by name, period too; {1 = .., 2 = ..}")
-    add("-o", dest="out", metavar="PATH", help="record file, or folder (ends with /); default beside the table")
-    add("--force", action="store_true", help="overwrite an existing record")
+from pipeline.cli.parser import number, pairs, periods
 
 
 def run(options: argparse.Namespace) -> int:

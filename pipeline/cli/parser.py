@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import math
 import os
 import textwrap
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
 from data_schemas.errors import UsageError
 
 
-def page(verb: str) -> dict[str, Any]:
-    """What help says of a verb, as `Parser` takes it: one line, description and examples, from its file in `pages`."""
-    text = (Path(__file__).parent / "pages" / f"{verb}.txt").read_text(encoding="utf-8").rstrip()
-    line, described = text.split("\n\n", 1)
-    description, _, examples = described.partition("\n\nexamples:\n")
-    return {"help": line, "description": description, "epilog": f"examples:\n{examples}"}
-
-
-@dataclass
-class Verb:
-    """A verb of a few lines, with what a module of a larger one has under the same names."""
-
-    add_options: Callable[[argparse.ArgumentParser], object]
-    run: Callable[[argparse.Namespace], int]
+@functools.cache
+def page(name: str) -> dict[str, Any]:
+    """What help says of a verb, and its options, from its file in `pages`."""
+    return tomllib.loads((Path(__file__).parent / "pages" / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 class Parser(argparse.ArgumentParser):
@@ -93,6 +84,29 @@ def _wrapped(block: str, width: int) -> str:
     return "\n".join(out)
 
 
+def parser_of(verb: str, listed: str = "") -> Parser:
+    """Parser of a verb, as its page has it; what is listed comes behind the description."""
+    known = page(verb)
+    parser = Parser(prog=f"isochrony {verb}", description=known["description"] + listed, epilog=known["examples"])
+    _add(parser, known.get("options", {}))
+    for title, rows in known.get("groups", {}).items():
+        _add(parser.add_argument_group(title), rows)
+    return parser
+
+
+def _add(parser: Any, rows: Mapping[str, Any]) -> None:
+    """Add options: each with the words of `argparse`, but for its type; or those that several verbs share."""
+    for option, row in rows.items():
+        if row == "shared":
+            _add(parser, page("shared")[option])
+            continue
+        settings = dict(row)
+        if "type" in row:
+            kind, *limits = row["type"]
+            settings["type"] = _TYPES[kind](option, *limits)
+        parser.add_argument(option, **settings)
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Tail of a sentence naming the nearest known name, or all of them when none is near.
 
@@ -120,7 +134,7 @@ def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
     return convert
 
 
-def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
+def number(option: str, above: float | None = None) -> Callable[[str], float]:
     """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
     limit = " of at least 0" if above is None else "" if above == -math.inf else f" greater than {above:g}"
 
@@ -148,21 +162,11 @@ def whole_number(option: str, least: int = 0, most: int = 2**63 - 1) -> Callable
     return convert
 
 
-def positive(option: str) -> Callable[[str], int]:
-    """Converter for `type=` that takes a whole number from 1 to 1000000 (how many of something)."""
-    return whole_number(option, 1, 1_000_000)
-
-
-def add_meaning_options(parser: argparse.ArgumentParser, lever: str) -> None:
-    """List what turns readings into a record: the lever, with what is said of it, gravity, and the pendulums."""
-    add = parser.add_argument
-    add("--lever", type=number("--lever", above=0.0), metavar="MM_PER_RAD", help=lever)
-    gravity = "gravity at which the periods hold, in m/s2"
-    add("--gravity", type=number("--gravity", above=0.0), metavar="M_S2", help=gravity)
-    combination = "pendulums of a trace whose name does not say them; repeatable"
-    add("--combination", action="append", default=[], metavar="TRACE=A[-B]", help=combination)
-    period = "full period of a pendulum in s; no label is needed if there is one only; repeatable"
-    add("--period", action="append", default=[], metavar="[LABEL=]SECONDS", help=period)
+_TYPES: Mapping[str, Callable[..., Callable[[str], Any]]] = {
+    "number": number,
+    "whole number": whole_number,
+    "one of": lambda _option, what, known: one_of(what, known.split()),
+}
 
 
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError, naming
-from pipeline.cli.digitise import add_reading_options, description, film_options, read_film
+from pipeline.cli.digitise import description, film_options, read_film
 from pipeline.cli.files import make_folder, place, read_checked, refuse_clashes, refuse_faults
-from pipeline.cli.parser import number
 from pipeline.cli.tables import complain
 
 if TYPE_CHECKING:
@@ -21,20 +19,6 @@ if TYPE_CHECKING:
     from data_schemas.layouts import Kind
 
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.add_argument("file", metavar="FILE", help="record, result, or image of a film")
-    parser.add_argument("-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file")
-    parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
-    film = parser.add_argument_group("of a film")
-    for option, name, which in (("--from", "start", "first"), ("--to", "stop", "last")):
-        seconds = number(option, above=-math.inf)  # of either sign: time may begin before the first full minute
-        film.add_argument(option, dest=name, type=seconds, metavar="S", help=f"{which} moment to draw")
-    add_reading_options(film)
-    parser.set_defaults(lever=None, gravity=None, combination=[], period=[])  # a picture is in px
 
 
 def run(options: argparse.Namespace) -> int:

@@ -11,45 +11,19 @@ from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli.files import exit_status, outcome_of, place, read_checked, refuse_clashes, store
-from pipeline.cli.parser import did_you_mean, number, one_of
+from pipeline.cli.parser import did_you_mean, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
 
-_METHOD_LIST = "\n".join(f"  {name:<14}  {each.words}" for name, each in DECLARED.items())
-_METHOD_LIST += "\n  all             every one of the above but auto"
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.description = f"{parser.description}\n{_METHOD_LIST}"
-    add = parser.add_argument
-    add("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
-    add_reduction_options(parser)
-    add("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
-    add("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
-    add("--full", action="store_true", help="keep each pendulum's fitted angle at every sample too")
-    add("--force", action="store_true", help="overwrite existing results")
-    add("--no-output", action="store_true", help="write no result file, only print")
-    add("--ledger", action="store_true", help="print the ledger of several records too")
-    add("--json", action="store_true", help="JSON Lines instead of a table")
-
-
-def add_reduction_options(parser: argparse.ArgumentParser) -> None:
-    """List what says how records are reduced."""
-    add = parser.add_argument
-    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
-    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
-    gain = "relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)"
-    add("--gain-uncertainty", type=number("--gain-uncertainty"), default=0.0, metavar="X", help=gain)
-    flag = "reduce records of films that bear this flag, too (isochrony explain FLAG); sigma holds the doubt"
-    add("--accept", action="append", default=[], metavar="FLAG", type=one_of("flag", BLOCKING), help=flag)
+LISTED = "".join(f"\n  {name:<14}  {each.words}" for name, each in DECLARED.items())
+LISTED += "\n  all             every one of the above but auto"
 
 
 def reduction_options(options: argparse.Namespace) -> dict[str, Any]:
     """What says how records are reduced, the methods apart, as `pipeline.process` takes it."""
-    accepted = tuple(sorted(set(options.accept)))
-    return {"pair": options.pair, "gain_uncertainty": options.gain_uncertainty, "accept": accepted}
+    accepted = sorted({one_of("flag", BLOCKING)(name) for name in options.accept})
+    return {"pair": options.pair, "gain_uncertainty": options.gain_uncertainty, "accept": tuple(accepted)}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -58,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("process: --synchrony gives no gravity; drop --method, --pair and --ledger")
     names = ("synchrony",) if options.synchrony else requested_methods("process", options.method)
     requested = names[0] if len(names) == 1 else list(names)
+    how = reduction_options(options)
     inputs = [Path(name) for name in options.records]
     if options.no_output and options.out is not None:
         raise UsageError("process: -o and --no-output contradict each other; give one of them")
@@ -68,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     good = 0
     for path, output in _with_progress(list(zip_longest(inputs, outputs))):
         try:
-            rows = _one(path, output, requested, options)
+            rows = _one(path, output, requested, options, how)
         except IsochronyError as fault:
             outcome = outcome_of(fault, path, alone=len(inputs) == 1)
             rows = [failure(path, "synchrony" if options.synchrony else options.method, *outcome)]
@@ -78,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _one(
-    path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace
+    path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace, how: dict[str, Any]
 ) -> list[dict[str, Any]]:
     record = read_checked(path, "record")
     # imported after the check: a bad record is told before the kernels are loaded
@@ -87,11 +62,11 @@ def _one(
     if options.synchrony:
         from pipeline.synchronism.recipe import synchrony
 
-        result = synchrony(record, accept=options.accept)
+        result = synchrony(record, accept=how["accept"])
     else:
         from pipeline.processing import process
 
-        result = process(record, method=requested, full=options.full, **reduction_options(options))
+        result = process(record, method=requested, full=options.full, **how)
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         store(result, output, force=options.force)

@@ -14,7 +14,7 @@ import data_schemas
 import synth
 from data_schemas.errors import IsochronyError, UsageError, naming
 from pipeline.cli.files import folder_for_output, orderly, place, read_checked, refuse_clashes, stem
-from pipeline.cli.parser import Verb, number, positive, processors, whole_number
+from pipeline.cli.parser import processors
 from pipeline.cli.tables import print_json, progress
 
 if TYPE_CHECKING:
@@ -26,29 +26,11 @@ if TYPE_CHECKING:
 _WORTHWHILE = 4  # members a further process must have to do, for starting it takes as long as some
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
-    add("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
-    add("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
-    tolerance = "largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own"
-    add("--tolerance", type=_tolerance, metavar="ERROR", help=tolerance)
-    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
-    add("--force", action="store_true", help="overwrite existing outputs")
-    add("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
-    add("--json", action="store_true", help="with --explain: one JSON object")
-    add = parser.add_argument_group("ensembles").add_argument
-    ensemble = "N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)"
-    add("--ensemble", type=positive("--ensemble"), metavar="N", help=ensemble)
-    vary = "let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)"
-    add("--vary", type=_range, action="append", metavar="KEY=LOW:HIGH", help=vary)
-    workers = "processes (default: one a processor); same results"
-    add("--workers", type=positive("--workers"), metavar="N", help=workers)
-
-
 def run(options: argparse.Namespace) -> int:
     """Simulate the scene and write both files."""
+    if options.tolerance is not None and not 1e-15 <= options.tolerance <= 1e-2:
+        raise UsageError(f"--tolerance wants a relative error from 1e-15 to 0.01, not '{options.tolerance:g}'")
+    options.vary = options.vary and [_range(word) for word in options.vary]
     if options.ensemble is None:
         for name in ("vary", "workers"):
             if getattr(options, name) is not None:
@@ -103,13 +85,6 @@ def _scene(path: Path, options: argparse.Namespace) -> Scene:
     return scene
 
 
-def _tolerance(word: str) -> float:
-    value = number("--tolerance", above=0.0)(word)
-    if not 1e-15 <= value <= 1e-2:
-        raise UsageError(f"--tolerance wants a relative error from 1e-15 to 0.01, not '{word}'")
-    return value
-
-
 def _range(word: str) -> tuple[str, tuple[float, float]]:
     key, given, ends = word.partition("=")
     low, both, high = ends.partition(":")
@@ -160,17 +135,7 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
             print(f"  {name:<19}{words}")
 
 
-def _add_expose_options(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("source", metavar="RECORD|SCENE", help="record (.nc), scene (.toml), or the name of a shipped scene")
-    add("-o", dest="out", metavar="FILM", help="image (.tif), or folder (ends with /); default beside the input")
-    add("--film", metavar="NAME|FILE", help="shipped film, or TOML file with the keys of a scene's section [film]")
-    add("--seed", type=whole_number("--seed"), metavar="N", help="seed of the film's chance instead of its own")
-    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
-    add("--force", action="store_true", help="overwrite existing outputs")
-
-
-def _expose(options: argparse.Namespace) -> int:
+def expose(options: argparse.Namespace) -> int:
     """Expose the film and write the three files."""
     from data_schemas.film_description import description_path
 
@@ -197,6 +162,3 @@ def _expose(options: argparse.Namespace) -> int:
     print(f"{made.description}: what is known of it")
     print(f"{made.truth}: what is not")
     return 0
-
-
-EXPOSE = Verb(_add_expose_options, _expose)

@@ -16,7 +16,7 @@ import data_schemas
 import synth
 from data_schemas.errors import naming
 from pipeline.cli.files import exit_status, read_checked, refuse_clashes
-from pipeline.cli.parser import Verb, one_of
+from pipeline.cli.parser import one_of
 from pipeline.flag_words import FLAGS
 from pipeline.methods import METHODS
 from synth.kernels.cache import WATCHERS, cache_folder, stamp
@@ -25,10 +25,9 @@ if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
 _DURATION, _OF_FILM = 120.0, 150.0  # s, of what is worked on to compile kernels
-_SCHEMAS = ("scene", "record", "truth", "result", "film-truth", "summary")
 
 
-def _validate(options: argparse.Namespace) -> int:
+def validate(options: argparse.Namespace) -> int:
     """Check each file; the exit status says whether all, some or none are good."""
     good = 0
     for name in options.files:
@@ -39,26 +38,23 @@ def _validate(options: argparse.Namespace) -> int:
     return exit_status(good, len(options.files))
 
 
-def _schema(options: argparse.Namespace) -> int:
+def schema(options: argparse.Namespace) -> int:
+    """Print a schema."""
     print(json.dumps(data_schemas.json_schema(options.name), indent=2, ensure_ascii=False))
     return 0
 
 
-def _explain(options: argparse.Namespace) -> int:
-    for name in FLAGS if options.flag is None else (options.flag,):
+def explain(options: argparse.Namespace) -> int:
+    """Say of a flag, or of all, what it means and what to do."""
+    for name in FLAGS if options.flag is None else (one_of("flag", FLAGS)(options.flag),):
         meaning, remedy, blocks = FLAGS[name]
         blocked = f"\n  process refuses records that bear it, unless --accept {name} is given" if blocks else ""
         print(f"{name}\n  {meaning}\n  remedy: {remedy}{blocked}")
     return 0
 
 
-def _add_parts(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("parts", metavar="PART", nargs="+", help="record file (NAME.record.nc)")
-    parser.add_argument("-o", dest="out", metavar="PATH", required=True, help="the record of all")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing record")
-
-
-def _join(options: argparse.Namespace) -> int:
+def join(options: argparse.Namespace) -> int:
+    """Put the parts together."""
     from pipeline.joining import join_records
 
     inputs, output = [Path(name) for name in options.parts], Path(options.out)
@@ -70,7 +66,7 @@ def _join(options: argparse.Namespace) -> int:
     return 0
 
 
-def _warm(_options: argparse.Namespace) -> int:
+def warm(_options: argparse.Namespace) -> int:
     """Do a little of everything."""
     begun, compiled = time.perf_counter(), list[str]()
     made_from = stamp(__file__)
@@ -96,7 +92,7 @@ def _warm(_options: argparse.Namespace) -> int:
 
 def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """What is done, and how it is called."""
-    from pipeline.batch.executors import warm
+    from pipeline.batch.executors import warm as use
     from pipeline.film.digitise import digitise
 
     def scene(name: str, longest: float) -> Scene:
@@ -104,30 +100,8 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
         return shipped.model_copy(update={"duration": min(shipped.duration, longest)})
 
     film = folder / "warm.film.tif"
-    yield "process", partial(warm, [name for name in METHODS if name != "auto"])
+    yield "process", partial(use, [name for name in METHODS if name != "auto"])
     for name in sorted(synth.scenes()):
         yield f"simulate {name}", partial(lambda each: synth.simulate(scene(each, _DURATION)), name)
     yield "expose", lambda: synth.expose_to(scene("film", _OF_FILM), synth.load_film("typical"), film)
     yield "digitise", partial(digitise, film)
-
-
-VERBS = {
-    "join": Verb(_add_parts, _join),
-    "validate": Verb(
-        lambda parser: parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result"),
-        _validate,
-    ),
-    "schema": Verb(
-        lambda parser: parser.add_argument(
-            "name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS)
-        ),
-        _schema,
-    ),
-    "explain": Verb(
-        lambda parser: parser.add_argument(
-            "flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name"
-        ),
-        _explain,
-    ),
-    "warm": Verb(lambda parser: None, _warm),
-}

@@ -34,11 +34,7 @@ def in_order(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class SummaryPrinter:
-    """Prints each record's summaries as soon as they are known.
-
-    A row of a single trace (a period, no gravity) has other columns: the headings are printed again when the
-    kind changes.
-    """
+    """Prints a record's summaries as soon as they are known, with headings again where the kind of row changes."""
 
     def __init__(self, inputs: Sequence[Path], *, as_json: bool, with_ledger: bool = False) -> None:
         self._as_json = as_json
@@ -126,11 +122,7 @@ LEAST_SHARE = 0.005  # of the variance, that is printed
 
 
 def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
-
-    One method is shown with sigma, the change of the full period, and what the correction was made from; several stand
-    side by side. What no method applied follows, entries of one reason together.
-    """
+    """Print the ledger of the methods that gave gravity: one with sigmas and reasons, or several side by side."""
     good = [row for row in rows if row["status"] == "ok" and row.get("ledger")]
     if not good:
         return

@@ -75,10 +75,7 @@ class Envelope:
 
 
 def image_distance(frequency: float, mean_step: float) -> float:
-    """Distance of the harmonic from its image after sampling, rad s-1.
-
-    At half-second marks a pendulum of 1.01 s is sampled twice a swing, and its image lies at 0.124 rad s-1.
-    """
+    """Distance of the harmonic from its image after sampling, rad s-1: 0.124 of 1.01 s read at half-second marks."""
     nyquist = np.pi / mean_step
     return float(abs((2.0 * frequency + nyquist) % (2.0 * nyquist) - nyquist))
 

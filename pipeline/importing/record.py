@@ -153,10 +153,7 @@ def _elongation(
 
 
 def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
-    """A table with the angle of a bob of which it holds x and y: about the centre of the circle through all places.
-
-    The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
-    """
+    """A table with the angle of a bob, by its x and y, about the centre of the circle through them (Kasa 1976)."""
     names = [name.strip() for name in position.split(",")]
     if len(names) != 2:
         raise UsageError(f"--xy {position}: give two columns, as X,Y")

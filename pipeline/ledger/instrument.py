@@ -142,10 +142,7 @@ def base_tie(case: Case, gravity: float) -> Change:
 def _by_number(
     name: str, formula: str, source: str, need: str, after: Callable[[Case, float, float], float], words: str
 ) -> Correction:
-    """A correction by one number of /instrument: `after(case, gravity, number)`, 1 sigma by its central difference.
-
-    `words` has a place for the number, `x`, its root, `rms`, or a thousand times this, `mrad`.
-    """
+    """A correction by one number of /instrument: `words` may hold it, {x}, its root, {rms}, or {mrad}."""
 
     @correction(name, formula, source, (need,))
     def change(case: Case, gravity: float) -> Change:

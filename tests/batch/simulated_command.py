@@ -45,10 +45,9 @@ from pipeline.batch import executors, job, ledger, summary
 from pipeline.batch.job import Kind
 from pipeline.batch.ledger import NAME, Ledger
 from pipeline.cli import batch, batch_jobs
-from pipeline.cli.parser import Parser
+from pipeline.cli.parser import parser_of
 
-PARSER = Parser(prog="batch")
-batch.add_options(PARSER)
+PARSER = parser_of("batch")
 
 
 class Command:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from data_schemas.checksum import numbers_sha256
+from data_schemas.checksum import ATTRIBUTE, digest, numbers_sha256
 from data_schemas.contents import Contents
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
@@ -21,7 +21,7 @@ from pipeline.ledger.book import corrections
 from pipeline.ledger.earth import anomalies
 from pipeline.observation import combine, weights_of
 from pipeline.prepared import Prepared
-from pipeline.provenance import provenance
+from pipeline.provenance import command_line, versions
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
@@ -120,13 +120,17 @@ def _difference(
 
 def result_attributes(record: Contents, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
     """Root attributes: identity, provenance, configuration and time taken."""
-    record_id = str(record[""].attrs.get("record_id", ""))
+    attrs = record[""].attrs
+    record_id = str(attrs.get("record_id", ""))
     return {
         **root_attributes("result", record_id),
         "title": f"gravity of record {record_id}",
         "source": "isochrony process",
         "configuration": json.dumps(dict(configuration), sort_keys=True),
-        **provenance(record),
+        "input_sha256": str(attrs.get(ATTRIBUTE) or digest(record)),
+        "versions": versions(),
+        "command": command_line(),
+        "history": "made by isochrony process",
         "elapsed_s": clock.perf_counter() - started,
     }
 

@@ -192,7 +192,7 @@ class Identity:
 def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple[Floats, ...]:
     """Two free swings of an identity, and its responses to sources (n - 2,) from its third sample on; (n,) each."""
     count = sources[0].size + 2
-    if isinstance(stiffness, float):  # constant coefficients: a complex exponential and running sums, in blocks
+    if isinstance(stiffness, float):  # a complex exponential and running sums: scipy.linalg takes .1 s to import
         before, middle, own = by.swing - by.near * stiffness
         turn = complex(-middle, np.sqrt(4.0 * own * before - middle**2)) / (2.0 * own)
         size = int(np.ceil(np.sqrt(count)))

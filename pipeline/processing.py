@@ -23,15 +23,10 @@ _JOINTLY = ("auto", "joint")
 
 
 def process(
-    record: DataTree | Dataset | str | os.PathLike[str],
-    *,
-    method: str | Function | Sequence[str | Function] = "auto",
-    pair: str | None = None,
-    gain_uncertainty: float = 0.0,
-    full: bool = False,
-    quantities: str = "all",
+    record: DataTree | Dataset | str | os.PathLike[str], *, method: str | Function | Sequence[str | Function] = "auto",
+    pair: str | None = None, gain_uncertainty: float = 0.0, full: bool = False, quantities: str = "all",
     accept: Collection[str] = (),
-) -> DataTree:
+) -> DataTree:  # fmt: skip
     """Reduce a record to gravity by one or several methods; a single trace to its period.
 
     Parameters

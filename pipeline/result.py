@@ -47,17 +47,9 @@ _EXTRA = {
 
 
 def build_result(
-    record: DataTree,
-    contents: Contents,
-    prepared: Prepared,
-    own: Prepared | None,
-    reductions: Sequence[Reduction],
-    joint: Joint | None,
-    *,
-    full: bool,
-    bare: bool,
-    started: float,
-) -> DataTree:
+    record: DataTree, contents: Contents, prepared: Prepared, own: Prepared | None, reductions: Sequence[Reduction],
+    joint: Joint | None, *, full: bool, bare: bool, started: float,
+) -> DataTree:  # fmt: skip
     """Lay out gravity, phases, corrections, course, residual and provenance.
 
     `contents` are those of the record; phases and corrections are drawn from `prepared`; `own` is what methods of one

@@ -67,17 +67,9 @@ class Tally:
 
 
 def run(
-    jobs: Sequence[Job],
-    ledger: Ledger,
-    executor: Executor,
-    log: Log,
-    tally: Tally,
-    *,
-    anew: bool = False,
-    retry_failed: bool = False,
-    limit: int | None = None,
-    progress: Callable[..., object] | None = None,
-) -> None:
+    jobs: Sequence[Job], ledger: Ledger, executor: Executor, log: Log, tally: Tally, *, anew: bool = False,
+    retry_failed: bool = False, limit: int | None = None, progress: Callable[..., object] | None = None,
+) -> None:  # fmt: skip
     """Do at most `limit` jobs that are not done; `FileError` where the ledger or the log cannot be written.
 
     The executor is closed when this ends, however it ends; the tally counts as things happen, so that it is right

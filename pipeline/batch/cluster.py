@@ -28,14 +28,9 @@ LOOK, PATIENCE = 10.0, 300.0  # s without an outcome, after which workers are lo
 
 
 def clustered(
-    jobs: Iterable[tuple[Path, Config]],
-    *,
-    address: str,
-    methods: Sequence[str],
-    timeout: float,
-    security: Mapping[str, str] | None = None,
-    told: Callable[[str], object] = lambda _: None,
-) -> Generator[list[Outcome]]:
+    jobs: Iterable[tuple[Path, Config]], *, address: str, methods: Sequence[str], timeout: float,
+    security: Mapping[str, str] | None = None, told: Callable[[str], object] = lambda _: None,
+) -> Generator[list[Outcome]]:  # fmt: skip
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
     Jobs are taken as the cluster gets free. `address` is the scheduler's, such as ``tcp://10.0.0.1:8786``; `methods`

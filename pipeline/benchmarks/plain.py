@@ -14,12 +14,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Complexes, Floats
 from synth.kernels.compiled import kernel
 
-Complexes = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 _HARMONICS = 48
 _LOW, _HIGH = 0.6, 2.6
 """Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from data_schemas.contents import identifier
+from pipeline.arrays import Floats
 from pipeline.benchmarks import plain
 from pipeline.benchmarks.kinds import MIXABLE, Case, case_of
-from pipeline.benchmarks.plain import Floats
 
 if TYPE_CHECKING:
     from xarray import DataTree

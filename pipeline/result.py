@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,21 +31,17 @@ if TYPE_CHECKING:
 
     from pipeline.joint.reduction import Joint
 
-_EXTRA = {
-    "requested": ("1", "method that was asked for"),
-    "resolved": ("1", "method that was used"),
-    "status": ("1", "ok, or refused"),
-    "error": ("1", "why the method refused"),
-    "choice_reason": ("1", "what the joint fit found in the record"),
-    "method_flags": ("1", "flags of the method, separated by blanks"),
-    "samples_used": ("1", "samples of the difference that were used"),
-    "reading_noise": ("rad", "white reading noise found in the difference, 1 sigma"),
-    "damping_rate": ("s-1", "damping rate of the second pendulum, stated or found"),
-    "difference_frequency": ("rad s-1", "mean phase speed of the difference, uncorrected"),
-    "sensitivity_frequency_difference": ("mGal", "change of gravity if (n1-n2)/n2 were larger by 1e-7"),
-    "sensitivity_gain": ("mGal", "change of gravity if the first trace's gain were larger by 1 %"),
-    "elapsed": ("s", "time the method took"),
-}
+EXTRA = json.loads(Path(__file__).with_name("result_variables.json").read_text(encoding="utf-8"))
+"""Units and meanings of what results have beside the table of variables, by group."""
+
+_NUMBERS = {
+    "gravity_sigma": "gravity.sigma", "noise_sigma": "gravity.noise", "uncorrected": "gravity.uncorrected",
+    "sensitivity_frequency_difference": "gravity.per_ratio", "sensitivity_gain": "gravity.per_gain",
+    "reading_noise": "estimate.noise", "damping_rate": "estimate.damping_rate",
+    "difference_frequency": "estimate.uncorrected",
+}  # fmt: skip
+_TEXTS = {"requested": "requested", "resolved": "method", "error": "error", "choice_reason": "reason"}
+"""Variables of /gravity, by where a reduction has them."""
 
 
 def build_result(
@@ -146,7 +144,6 @@ def _gravity(
     per_milligal = column(lambda r: -np.pi / r.gravity.frequency[1] * MGAL / r.gravity.gravity * 1e7)
     variables: dict[str, Any] = {
         "gravity": gravity,
-        "gravity_sigma": column(lambda r: r.gravity.sigma),
         "epoch": np.full(len(names), epoch),
         "frequency": column(lambda r: r.gravity.frequency, (nan, nan)),
         "value": value,
@@ -157,29 +154,20 @@ def _gravity(
         "input": ledger("inputs", "").astype(object),
         "formula": [module.FORMULA for module in every],
         "formula_source": [module.SOURCE for module in every],
-        "noise_sigma": column(lambda r: r.gravity.noise),
-        "uncorrected": column(lambda r: r.gravity.uncorrected),
         **anomalies(constants, gravity),
-        "requested": [r.requested for r in reductions],
-        "resolved": [r.method for r in reductions],
         "status": ["ok" if r.gravity else "refused" for r in reductions],
-        "error": [r.error for r in reductions],
-        "choice_reason": [r.reason for r in reductions],
         "method_flags": [" ".join(r.flags) for r in reductions],
         "samples_used": column(lambda r: r.estimate.samples, 0).astype(np.int64),
-        "reading_noise": column(lambda r: r.estimate.noise),
-        "damping_rate": column(lambda r: r.estimate.damping_rate),
-        "difference_frequency": column(lambda r: r.estimate.uncorrected),
-        "sensitivity_frequency_difference": column(lambda r: r.gravity.per_ratio),
-        "sensitivity_gain": column(lambda r: r.gravity.per_gain),
         "elapsed": np.array([r.elapsed for r in reductions]),
+        **{name: column(attrgetter(place)) for name, place in _NUMBERS.items()},
+        **{name: [getattr(r, field) for r in reductions] for name, field in _TEXTS.items()},
         "share": column(lambda r: [r.gravity.budget.get(s, 0.0) for s in sources], [nan] * len(sources)),
         "advice": [r.gravity.advice if r.gravity else "" for r in reductions],
     }
     if raised:
         variables |= {"flag": raised, "flag_meaning": [told(name) for name in raised]}
     coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
-    return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
+    return dataset("gravity", variables, coordinates, EXTRA["gravity"], ("estimator",))
 
 
 def _labels(reductions: Sequence[Reduction]) -> list[str]:

@@ -75,12 +75,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 
 def rows_of(case: Case, path: Path) -> Iterator[Row]:
     """Rows of one film: the project's reading, then its peers."""
-    truth = _exposed(case.film, path, case.scene)
+    truth, scores, refusal = _read(case.film, path, case.scene)
     named = {"axis": case.axis, "value": case.value}
-    try:
-        scores, refusal = own_reading(path, truth, case.film.mark_interval), ""
-    except IsochronyError as fault:
-        scores, refusal = {}, str(fault)
     yield named | {"reader": "isochrony"} | NOTHING | scores | {"refused": refusal}
     for name, scores in peers(path, truth):
         yield named | {"reader": name} | NOTHING | scores | {"refused": ""}
@@ -161,10 +157,8 @@ def hard(path: Path) -> Iterator[Row]:
     """One row a hard film, and how many were read."""
     read = 0
     for name, film in progress(hard_films(HARD_SECONDS).items(), "hard films"):
-        truth = _exposed(film, path, scene(HARD_SECONDS))
-        try:
-            scores = own_reading(path, truth, film.mark_interval)
-        except IsochronyError:
+        _, scores, refusal = _read(film, path, scene(HARD_SECONDS))
+        if refusal:
             yield holds(f"{name}: refused", True, "read or refused")
             continue
         is_right = scores["wrong_unflagged"] <= MOST_WRONG and not scores["slipped"]
@@ -174,8 +168,13 @@ def hard(path: Path) -> Iterator[Row]:
     yield at_least("hard films that were read", read, 5)
 
 
-def _exposed(film: Film | str, path: Path, course: Scene) -> Truth:
-    return Truth.of(synth.expose(course, film, path, overwrite=True))
+def _read(film: Film, path: Path, course: Scene) -> tuple[Truth, Row, str]:
+    """Truth of a film that is exposed to a scene, and scores of its reading, or why there are none."""
+    truth = Truth.of(synth.expose(course, film, path, overwrite=True))
+    try:
+        return truth, own_reading(path, truth, film.mark_interval), ""
+    except IsochronyError as fault:
+        return truth, {}, str(fault)
 
 
 _LIMITS = (
@@ -198,11 +197,9 @@ def _accuracy(path: Path) -> Iterator[Row]:
         ("traces crossing, 8 mm apart", crossing(8.0), 0.78, 1000),
         ("traces crossing, resting at one place", crossing(0.0), 0.78, 1000),
     ):
-        truth = _exposed(film, path, scene(HALF_HOUR))
-        try:
-            scores = own_reading(path, truth, film.mark_interval)
-        except IsochronyError as fault:
-            yield holds(f"{words}: read ({fault})", False, "read")
+        _, scores, refusal = _read(film, path, scene(HALF_HOUR))
+        if refusal:
+            yield holds(f"{words}: read ({refusal})", False, "read")
             continue
         speeds.append(scores["mpx_s"])
         for what, score, limit, unit in _LIMITS:

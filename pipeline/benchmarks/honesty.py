@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -174,17 +175,11 @@ def run(
 
 def _one(kind: str, strength: str, seed: int, methods: Sequence[str], folder: Path | None) -> list[Row]:
     """Rows of one record, by each method; the record is made only if some method has not seen it."""
-    made: list[Made] = []
-    rows = []
+    made, rows = cache(lambda: record(kind, strength, seed, duration=DURATION)), list[Row]()
     for method in methods:
         what = {"method": method, "kind": kind, "strength": strength, "seed": seed}
-
-        def make(what: Row = what) -> list[Row]:
-            if not made:
-                made.append(record(kind, strength, seed, duration=DURATION))
-            return [what | reduced(made[0], what["method"])]
-
-        rows += kept(folder, {"suite": "honesty", "duration": DURATION, **what}, make)
+        configuration = {"suite": "honesty", "duration": DURATION, **what}
+        rows += kept(folder, configuration, partial(lambda each: [each | reduced(made(), each["method"])], what))
     return rows
 
 

@@ -205,7 +205,7 @@ def _swing(
         return np.stack([size * np.cos(angle), -frequency * size * np.sin(angle)], axis=1)
 
     first = min(int(np.searchsorted(times, case.released)), times.size // 4)  # before anything else happens
-    state = plain.forced(own, support) + free(sizes, phase[:count])
+    state: Floats = plain.forced(own, support) + free(sizes, phase[:count])
     if first:
         state = np.stack([sizes * np.cos(phase[:count]), np.zeros(count)], axis=1)
     strength = np.array([*case.kicks, case.kicks[0]])[:count] * frequency

@@ -14,30 +14,12 @@ from pipeline.conditions import DAY, MGAL
 from pipeline.observation import clock_of
 from pipeline.period.cycles import find_cycles
 from pipeline.period.fit import SCALE, fit_period
-from pipeline.result import result_attributes
+from pipeline.result import EXTRA, result_attributes
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 TREND = 1e-3  # relative drift of the reduced period that is flagged
-_EXTRA = {
-    "rest_position": ("rad", "rest position of the recorded angle"),
-    "amplitude_scale": ("1", "relative correction of the recorded amplitude that the period's trend asks for"),
-    "amplitude_scale_sigma": ("1", "standard deviation of the amplitude scale"),
-    "trend": ("1", "relative spread of the smoothed reduced period over the record"),
-    "rest_drift": ("rad", "change of the rest position over the record"),
-    "rest_drift_sigma": ("rad", "standard deviation of that change"),
-    "damping_rate": ("s-1", "rate at which viscous friction lets the amplitude decay"),
-    "quadratic_damping": ("rad-1", "factor of the square of the angular velocity in the resistance"),
-    "knife_edge": ("rad", "dry friction over the square of the frequency"),
-    "friction": ("1", "laws of friction that the turning points ask for"),
-    "gravity": ("m s-2", "gravity by the stated length"),
-    "gravity_sigma": ("mGal", "standard deviation of gravity"),
-    "angle_step": ("rad", "smallest step of the recorded angle"),
-    "time_step_least": ("s", "smallest step of time"),
-    "time_step_most": ("s", "largest step of time, gaps apart"),
-    "elapsed": ("s", "time the analysis took"),
-}
 
 
 def period_result(
@@ -74,7 +56,7 @@ def period_result(
         "flag": ["single-trace", *raised, *(name for name, raises in found.items() if raises)],
     }
     root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
-    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA)})
+    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, EXTRA["period"])})
     trace = str(record["record"].dataset["trace"].values[0])
     tree.attrs.update(result_attributes(contents, {"trace": trace, "methods": ["period"]}, started))
     tree.attrs["requested_method"] = ",".join(requested)

@@ -257,10 +257,7 @@ def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tup
 
 
 def weights_of(combination: Floats, wanted: Floats, name: str) -> Floats:
-    """Of each trace in the wanted combination of pendulums; from one trace where that is it already.
-
-    `RecordError`: the traces cannot give it.
-    """
+    """Of each trace in a wanted combination of pendulums, one if it is that; `RecordError`: they cannot give it."""
     recorded = np.flatnonzero((combination == wanted).all(axis=1))
     if recorded.size:
         return np.asarray(np.eye(len(combination))[recorded[0]])

@@ -107,10 +107,7 @@ class Prepared:
         return max(float(np.nanvar(rest)) - self.theta_error(1.0, 0.0) ** 2, 0.0)
 
     def theta_error(self, sensitivity: float, fallback: float) -> float:
-        """1-sigma of n2 from the first pendulum's reading noise, rad s-1, by its sensitivity to white noise, s-1.
-
-        `fallback` is the noise taken where neither neighbours nor the record tell, rad.
-        """
+        """1 sigma of n2, rad s-1, by its sensitivity to the first pendulum's noise; `fallback`, rad: none is known."""
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         return sensitivity * noise
@@ -142,10 +139,7 @@ class Estimate:
 
 
 def prepare(observation: Observation) -> Prepared:
-    """Look at both series once.
-
-    `RefusedError`: a series has too few samples or outliers, or the record is too short for any method.
-    """
+    """Look at both series once; `RefusedError`: too few samples, outliers, or a record too short for any method."""
     nominal = float(observation.frequency_reference[1])
     swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
     if swings < LEAST_SWINGS:

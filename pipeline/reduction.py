@@ -192,10 +192,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
 
 
 def of_film(record: DataTree, accept: Collection[str]) -> tuple[str, ...]:
-    """What the reading of the film left doubtful, as /film of a record says.
-
-    `RefusedError`: time or scale is doubtful, and the flag is not among those that are accepted.
-    """
+    """What the film's reading left doubtful, as /film says; `RefusedError`: a flag blocks, and is not accepted."""
     if "film" not in record.children:
         return ()
     found = tuple(name for name in str(record["film"].attrs.get("flags", "")).split(", ") if name in FLAGS)

@@ -45,10 +45,7 @@ def chronometer(case: Case, gravity: float) -> Change:
     TEMPERATURE,
 )
 def temperature(case: Case, gravity: float) -> Change:
-    """Compare with the period that the instrument has at the record's temperature: a warm pendulum is longer.
-
-    A temperature that changes within the record counts as it acts on the fitted frequency.
-    """
+    """Compare with the period at the record's temperature; one that changes counts as it acts on the frequency."""
     constants = case.prepared.observation.constants
     mean, reference = case.scalar("temperature"), case.scalar("temperature_reference")
     warm, words = mean - reference, f"{mean:.2f} K"
@@ -73,10 +70,7 @@ def temperature(case: Case, gravity: float) -> Change:
     AIR,
 )
 def air_density(case: Case, gravity: float) -> Change:
-    """Reduce to vacuum, where instrument/period holds: air bears a part of the pendulum and is carried along by it.
-
-    The air's part is compared with the period that temperature has left, as both add to it.
-    """
+    """Reduce to vacuum, where instrument/period holds; the air's part adds to the period that temperature has left."""
     density, reference = case.scalar("air_density"), case.scalar("air_density_reference")
     coefficient = case.pair("density_coefficient") / reference
     warm = case.period + float(by_temperature(case.prepared.observation.constants)[1])

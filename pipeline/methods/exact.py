@@ -99,10 +99,7 @@ def shooting(prepared: Prepared) -> Estimate:
 
 
 def invert(prepared: Prepared) -> Estimate:
-    """Invert the nonlinear identity; sigma holds the noise of both traces and the numerical error.
-
-    `RefusedError`: no swing at the nominal period, outliers, or a heave that is not recorded.
-    """
+    """Invert the nonlinear identity; `RefusedError`: no swing at the nominal period, outliers, or unrecorded heave."""
     moved, fit = nonlinear_fit(prepared)
     colour = residual_colour(fit, prepared)
     # short heave lies beside what the colour looks at, but above what neighbours call noise

@@ -53,10 +53,7 @@ def cardinal(points: Floats, angle: float, count: int = NODES) -> Floats:
 
 
 def taps(eigenvalue: complex, frequency: float, step: float, count: int = NODES) -> Complexes:
-    """Weights (count,) of `int_0^step exp(lam (step - x)) f dx` over the central interval of `count` samples.
-
-    They are fitted at `frequency`, rad s-1, near Im(lam).
-    """
+    """Weights (count,) of `int_0^step exp(lam (step - x)) f dx` amid `count` samples, fitted at `frequency`."""
     turned = 0.5 * step * _GAUSS_WEIGHTS * np.exp(0.5 * eigenvalue * step * (1.0 - _GAUSS))
     return np.asarray(cardinal(0.5 * _GAUSS, frequency * step, count) @ turned)
 
@@ -154,10 +151,7 @@ class Identity:
         return Weights(swing, wide.imag / oscillation, near.imag / oscillation, (gain * wide).imag, 1.0 - r)
 
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
-        """Iterate until n2 and gamma2 stand still; `gamma` is gamma2, s-1, or its start where it is fitted.
-
-        `RefusedError`: no swing at the nominal period, or an outlier.
-        """
+        """Iterate until n2 and gamma2, held or from `gamma` on, stand still; `RefusedError`: no swing, outliers."""
         about = difference = self.observation.difference[self.inside]
         count, step = about.size, self.observation.step
         # n2 with which the nonlinear pull does the work that the held frequency does
@@ -216,10 +210,7 @@ def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple
 
 
 def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Coefficients of the columns (k, n) for values (n,), and their covariance (k, k) per variance of white noise.
-
-    `RefusedError`: too few samples, or samples that are no numbers.
-    """
+    """Coefficients of columns (k, n), their covariance (k, k) per variance; `RefusedError`: too few, no numbers."""
     gram = np.stack([columns @ column for column in columns])
     if not np.all(np.isfinite(gram)) or values.size < 2 * len(gram):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")

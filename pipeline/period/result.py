@@ -25,10 +25,7 @@ TREND = 1e-3  # relative drift of the reduced period that is flagged
 def period_result(
     record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
 ) -> DataTree:
-    """Analyse the only trace of a record and lay the result out, with flags that are `raised` already.
-
-    `RefusedError`: too few swings or samples.
-    """
+    """Lay out the analysis of a record's only trace, with flags that are `raised` before; `RefusedError`: too short."""
     from xarray import Dataset, DataTree
 
     time = np.asarray(record.dataset["time"].values, dtype=np.float64)

@@ -147,10 +147,7 @@ def over_time(axes: Axes, time: Floats, up: str) -> Floats:
 
 
 def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: str) -> None:
-    """Fill between the least and the greatest value of each pixel column; a gap in the record stays open.
-
-    A line through thousands of swings would be one solid block with accidental edges.
-    """
+    """Fill from least to greatest of each pixel column, gaps apart: thousands of swings would be a solid block."""
     if time.size <= 2 * _BINS:
         axes.plot(time, values, color=color, label=label, linewidth=0.8)
         return
@@ -165,10 +162,7 @@ def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: st
 
 
 def running_mean(time: Floats, values: Floats, width: float) -> Floats:
-    """Mean over `width` seconds about each instant; NaN where the series has no value.
-
-    Reading noise makes the phase speed of single seconds far wilder than any correction.
-    """
+    """Mean over `width` seconds about each instant, NaN where there is no value: single seconds are mostly noise."""
     good = np.isfinite(values)
     sums = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
     counts = np.concatenate([[0], np.cumsum(good)])

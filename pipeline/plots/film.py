@@ -46,10 +46,7 @@ class Strip(NamedTuple):
 
 
 def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
-    """Draw a film and what was read of it, time to the right: all of it, or from `start` to `stop`, s.
-
-    `UsageError` where the film shows nothing of that time.
-    """
+    """Draw a film, time to the right, and what was read, from `start` to `stop`, s; `UsageError`: nothing then."""
     from pipeline.film.reading import accepted_fraction, share_read
 
     rows, samples = _rows(reading, start, stop), reading.samples.column

@@ -64,7 +64,7 @@ def process(
     from data_schemas import adopted
     from data_schemas.checking import checked
     from pipeline.prepared import prepare
-    from pipeline.result import build_result
+    from pipeline.result import build_result, period_result
 
     started = time.perf_counter()
     requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
@@ -78,8 +78,6 @@ def process(
     if REWRITTEN in record.attrs:
         raised = (*raised, REWRITTEN)
     if record["record"].sizes["trace"] == 1 and pair is None:
-        from pipeline.period.result import period_result
-
         return period_result(record, contents, requested, started, raised)
     others = [name for name in requested if name not in _JOINTLY]
     joint, found = None, dict[str, Reduction]()

@@ -1,4 +1,4 @@
-"""The result of a record as a DataTree of the layout "isochrony-result"."""
+"""The result of a record as a DataTree of the layout "isochrony-result": gravity, or the period of a single trace."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
 from pipeline import quantities
 from pipeline.arrays import Floats
-from pipeline.conditions import MGAL, Constants
+from pipeline.conditions import DAY, MGAL, Constants
 from pipeline.flag_words import told
 from pipeline.ledger.book import corrections
 from pipeline.ledger.earth import anomalies
-from pipeline.observation import combine, weights_of
+from pipeline.observation import clock_of, combine, weights_of
 from pipeline.prepared import Prepared
 from pipeline.provenance import command_line, versions
 from pipeline.reduction import Reduction
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
     from pipeline.joint.reduction import Joint
 
-EXTRA = json.loads(Path(__file__).with_name("result_variables.json").read_text(encoding="utf-8"))
+TREND = 1e-3  # relative drift of the reduced period that is flagged
+_EXTRA = json.loads(Path(__file__).with_name("result_variables.json").read_text(encoding="utf-8"))
 """Units and meanings of what results have beside the table of variables, by group."""
 
 _NUMBERS = {
@@ -167,10 +168,72 @@ def _gravity(
     if raised:
         variables |= {"flag": raised, "flag_meaning": [told(name) for name in raised]}
     coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
-    return dataset("gravity", variables, coordinates, EXTRA["gravity"], ("estimator",))
+    return dataset("gravity", variables, coordinates, _EXTRA["gravity"], ("estimator",))
 
 
 def _labels(reductions: Sequence[Reduction]) -> list[str]:
     """Name of each row: the method, or `auto` where it chose one that was asked for by name as well."""
     named = {reduction.method for reduction in reductions if reduction.requested != "auto"}
     return [r.requested if r.requested == "auto" and r.method in named else r.method for r in reductions]
+
+
+def period_result(
+    record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
+) -> DataTree:
+    """Lay out the analysis of a record's only trace, with flags that are `raised` before; `RefusedError`: too short."""
+    from xarray import Dataset, DataTree
+
+    from pipeline.period.cycles import find_cycles
+    from pipeline.period.fit import SCALE, fit_period
+
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    elongation = np.asarray(record["record"].dataset["elongation"].values[0], dtype=np.float64)
+    instrument = record["instrument"].dataset if "instrument" in record.children else Dataset()
+    linear = instrument.attrs.get("restoring") == "linear"
+    stated = {name: each.values for name, each in instrument.data_vars.items()}
+    scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
+    fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
+    true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
+    rates = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY, *clock_of(record).values()
+    sigma = float(np.linalg.norm([fit["period_sigma"], *(fit["period"] * rate for rate in rates)])) * true
+    found = {
+        "amplitude-scale": fit.pop("scaled"),
+        "correction-without-uncertainty": "length" in stated and "length_uncertainty" not in stated,
+        "period-trend": fit["trend"] > TREND,
+    }
+    values = fit | {
+        "period": fit["period"] * true,
+        "period_sigma": sigma,
+        "cycle_time": fit["cycle_time"] + time[0],
+        **_by_length(fit["period"] * true, sigma, stated),
+        **_steps(time, elongation),
+        "elapsed": clock.perf_counter() - started,
+        "flag": ["single-trace", *raised, *(name for name, raises in found.items() if raises)],
+    }
+    root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
+    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA["period"])})
+    trace = str(record["record"].dataset["trace"].values[0])
+    tree.attrs.update(result_attributes(contents, {"trace": trace, "methods": ["period"]}, started))
+    tree.attrs["requested_method"] = ",".join(requested)
+    tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
+    return tree
+
+
+def _by_length(period: float, sigma: float, stated: Mapping[Any, Any]) -> dict[str, float]:
+    """g = l (2 pi/T)^2, where the instrument states the length of its only pendulum."""
+    if "length" not in stated or np.size(stated["length"]) != 1:
+        return {}
+    length = float(np.ravel(stated["length"])[0])
+    own = float(np.ravel(stated.get("length_uncertainty", 0.0))[0])
+    value = length * (2.0 * np.pi / period) ** 2
+    return {"gravity": value, "gravity_sigma": value / MGAL * float(np.hypot(own / length, 2.0 * sigma / period))}
+
+
+def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
+    """Quantisation of angle and clock, as found: they explain the scatter of single cycles."""
+    changes = np.abs(np.diff(elongation[np.isfinite(elongation)]))
+    changes = changes[changes > 0.0]
+    steps = np.diff(time)
+    usual = steps[steps < 5.0 * np.median(steps)]
+    least = float(changes.min()) if changes.size else 0.0
+    return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}

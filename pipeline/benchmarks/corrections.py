@@ -22,9 +22,9 @@ from typing import Any
 from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, draws, kept, progress, rms, write
+from pipeline.benchmarks.tables import Row, kept, progress, rms, write
 from pipeline.methods import PAIR_METHODS
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, draws, legend, panel, save, sheet
 from pipeline.processing import process
 from synth import simulate
 

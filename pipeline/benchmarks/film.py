@@ -20,10 +20,10 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_recording import Dimming, Film, Stretch
 from pipeline.benchmarks.film_scores import Truth, own_reading, peers
-from pipeline.benchmarks.tables import Row, at_least, at_most, draws, holds, not_measured, progress
+from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 from pipeline.conditions import MGAL
 from pipeline.film.digitise import digitise
-from pipeline.plots.canvas import PALETTE, panel, save, sheet
+from pipeline.plots.canvas import PALETTE, draws, panel, save, sheet
 from pipeline.processing import process
 
 GRAIN = 0.05

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.tables import Row, draws, kept, progress
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, legend, panel, save, sheet
+from pipeline.benchmarks.tables import Row, kept, progress
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, draws, legend, panel, save, sheet
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope, stability

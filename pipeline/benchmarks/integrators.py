@@ -23,8 +23,8 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.problems import CLOSED, OWN, PICARD, Answer, Call, Make, Problem, raced
 from pipeline.benchmarks.references import Reference, reference, taylor
-from pipeline.benchmarks.tables import RATIO, Row, at_least, draws, not_measured, progress, rounds, timed
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
+from pipeline.benchmarks.tables import RATIO, Row, at_least, not_measured, progress, rounds, timed
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, draws, legend, panel, save, sheet
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 

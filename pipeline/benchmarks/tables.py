@@ -14,7 +14,6 @@ import contextlib
 import csv
 import functools
 import hashlib
-import importlib.util
 import io
 import json
 import math
@@ -32,7 +31,7 @@ import numpy as np
 
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import write_text
-from pipeline.plots.canvas import GREY, PALETTE, color_of, legend, panel, save, sheet
+from pipeline.plots.canvas import GREY, PALETTE, color_of, draws, legend, panel, save, sheet
 from pipeline.provenance import versions
 from synth.kernels.cache import PACKAGES, ROOT
 
@@ -54,11 +53,6 @@ def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
         writer.writeheader()
         writer.writerows(table)
     write_text(stream.getvalue(), path, overwrite=True)
-
-
-def draws() -> bool:
-    """Whether pictures can be drawn: matplotlib is an extra."""
-    return importlib.util.find_spec("matplotlib") is not None
 
 
 def progress(items: Iterable[Item], what: str) -> Iterator[Item]:

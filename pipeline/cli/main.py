@@ -24,7 +24,7 @@ from synth.kernels import cache
 _VERBS = {
     "demo": "demo.run", "simulate": "simulate.run", "process": "process.run", "expose": "simulate.expose",
     "digitise": "digitise.run", "batch": "batch.run", "benchmark": "benchmark.run", "plot": "plot.run",
-    "import": "import_csv.run", "join": "small.join", "validate": "small.validate", "schema": "small.schema",
+    "import": "small.import_table", "join": "small.join", "validate": "small.validate", "schema": "small.schema",
     "explain": "small.explain", "warm": "small.warm",
 }  # fmt: skip
 """Module and function of each."""

@@ -48,9 +48,14 @@ def values(tree: DataTree, group: str, name: str) -> Floats:
     return np.asarray(tree[group].dataset[name].values, dtype=np.float64)
 
 
+def draws() -> bool:
+    """Whether pictures can be drawn: matplotlib is an extra."""
+    return importlib.util.find_spec("matplotlib") is not None
+
+
 def require_matplotlib() -> None:
     """Raise `UsageError` with the remedy if the extra `plot` is not installed."""
-    if importlib.util.find_spec("matplotlib") is None:
+    if not draws():
         raise UsageError("plotting needs matplotlib, which is not installed; pip install 'isochrony[plot]'")
 
 

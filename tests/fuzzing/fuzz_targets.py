@@ -24,7 +24,7 @@ from data_schemas.film_description import load_description
 from data_schemas.layouts import CONVENTIONS, LAYOUTS
 from data_schemas.reading import skim
 from data_schemas.scene_motion import Table
-from pipeline.cli import import_csv as verb
+from pipeline.cli import small
 from pipeline.cli.parser import parser_of
 from pipeline.film.scan.opening import open_scan
 from pipeline.importing.record import ImportOptions, import_csv
@@ -74,7 +74,7 @@ def _constants(table: Path) -> None:
         swing.write_text("0 0.01\n1 -0.01\n2 0.01\n")
     words = [str(swing), "--instrument", str(table), "-o", str(table.with_name("swing.record.nc")), "--force"]
     with contextlib.redirect_stdout(io.StringIO()):
-        verb.run(parser_of("import").parse_args(words))
+        small.import_table(parser_of("import").parse_args(words))
 
 
 def _importing(**options: Any) -> Read:

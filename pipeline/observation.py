@@ -5,17 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.arrays import Floats, evened, row_means_present
 from pipeline.conditions import DAY, Constants, Tie, by_air, by_temperature, rate_uncertainty, refuse_impossible, tie
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
@@ -181,8 +179,6 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
 
 def epoch_of(record: DataTree) -> dict[str, float]:
     """Unix time of the record's time 0, s, where its units name a date."""
-    from datetime import UTC, datetime
-
     _, found, date = str(record.dataset.variables["time"].attrs.get("units", "")).partition("since ")
     try:
         epoch = datetime.fromisoformat(date.strip()) if found else None

@@ -6,18 +6,19 @@ import os
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from xarray import Dataset, DataTree
+
+from data_schemas import adopted
+from data_schemas.checking import checked
 from data_schemas.errors import RefusedError, UsageError
 from data_schemas.layouts import REWRITTEN
 from pipeline import methods
+from pipeline.methods import Function
 from pipeline.observation import observe
+from pipeline.prepared import prepare
 from pipeline.reduction import Reduction, of_film, reduce_by, refused
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
-
-    from pipeline.methods import Function
+from pipeline.result import build_result, period_result
 
 _JOINTLY = ("auto", "joint")
 
@@ -61,11 +62,6 @@ def process(
     UsageError
         A name that is not a method, pair or choice of quantities, or a negative uncertainty.
     """
-    from data_schemas import adopted
-    from data_schemas.checking import checked
-    from pipeline.prepared import prepare
-    from pipeline.result import build_result, period_result
-
     started = time.perf_counter()
     requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
     if not gain_uncertainty >= 0.0:

@@ -6,9 +6,9 @@ import time
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import RefusedError
 from pipeline.conditions import MGAL
@@ -20,9 +20,6 @@ from pipeline.ledger.entry import Case, Entry, arc_answer
 from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import CAPTURE, COLOUR_SECONDS, Estimate, Prepared
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 SOURCES = {"chronometer": "clock", "base_tie": "ratio"}  # Of the ledger's entries that bear another name in the budget
 HALVED = 0.75  # of the variance, which must go

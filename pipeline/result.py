@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from xarray import Dataset, DataTree
 
 from data_schemas.checksum import ATTRIBUTE, digest, numbers_sha256
 from data_schemas.contents import Contents
@@ -27,8 +28,6 @@ from pipeline.provenance import command_line, versions
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
-
     from pipeline.joint.reduction import Joint
 
 TREND = 1e-3  # relative drift of the reduced period that is flagged
@@ -55,8 +54,6 @@ def build_result(
     difference looked at, where it is another one. `full`: the pendulums' angles at the record's own times are laid out
     too; `bare`: gravity alone is. `started` is by `time.perf_counter`.
     """
-    from xarray import Dataset, DataTree
-
     seen, of_time = prepared.observation, dict(record.dataset.variables["time"].attrs)
     pendulums, names = [seen.first, seen.second], _labels(reductions)
     recorded = np.asarray(record.dataset.variables["time"].values, dtype=np.float64)
@@ -181,8 +178,6 @@ def period_result(
     record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
 ) -> DataTree:
     """Lay out the analysis of a record's only trace, with flags that are `raised` before; `RefusedError`: too short."""
-    from xarray import Dataset, DataTree
-
     from pipeline.period.cycles import find_cycles
     from pipeline.period.fit import SCALE, fit_period
 

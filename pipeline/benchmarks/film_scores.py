@@ -13,18 +13,16 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from xarray import DataTree
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.benchmarks.tables import Row, rms, timed
 from pipeline.film.digitise import open_film, read
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WRONG = 1.0  # px off, normal to the line: five times the error that is promised
 _APART = 3.0  # px between lines beyond which it is told which is which
@@ -49,7 +47,7 @@ class Truth(NamedTuple):
     mark_time: Floats
 
     @classmethod
-    def of(cls, tree: xr.DataTree) -> Truth:
+    def of(cls, tree: DataTree) -> Truth:
         """Of the film-truth."""
         slices, marks = tree["slices"].dataset, tree["marks"].dataset
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)

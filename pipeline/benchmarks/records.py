@@ -9,18 +9,17 @@ import copy
 import hashlib
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from xarray import Dataset, DataTree
 
 from data_schemas.contents import identifier
+from data_schemas.layouts import root_attributes
+from data_schemas.variables import attributes, dataset
 from pipeline.arrays import Floats
 from pipeline.benchmarks import plain
 from pipeline.benchmarks.kinds import MIXABLE, Case, case_of
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
 
 _BURST = 2.0  # s
 _BAD = 3e-3  # rad: outliers and bursts
@@ -224,11 +223,6 @@ def _tree(
     case: Case, random: Random,
 ) -> DataTree:  # fmt: skip
     """The record in its layout, with what it states."""
-    import xarray as xr
-
-    from data_schemas.layouts import root_attributes
-    from data_schemas.variables import attributes, dataset
-
     count = frequency.size
     labels = {"pendulum": [str(k + 1) for k in range(count)]}
     traces_of = {"trace": ["1", *(f"{k}-{k + 1}" for k in range(1, count))]}
@@ -251,8 +245,8 @@ def _tree(
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = root_attributes("record", identifier(label), title=f"benchmark record {label}", history="", source="model")
     groups = {
-        "/": xr.Dataset(coords={"time": ("time", times, attributes("time"))}, attrs=root),
+        "/": Dataset(coords={"time": ("time", times, attributes("time"))}, attrs=root),
         "/record": dataset("record", angles, traces_of | labels).assign_attrs(reference),
         "/instrument": dataset("instrument", instrument, labels).assign_attrs(law),
     }
-    return xr.DataTree.from_dict(groups)
+    return DataTree.from_dict(groups)

@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from xarray import DataTree
 
 import data_schemas
 import synth
 from data_schemas.errors import FileError, UsageError
 from pipeline.cli.tables import columns, print_header, print_row, print_text
 from pipeline.methods import DECLARED, METHODS
-
-if TYPE_CHECKING:
-    from xarray import DataTree
+from pipeline.processing import process
+from pipeline.summary import summaries
 
 _MILLIGAL = 1e-5  # m s-2
 _WARM = 60.0  # s
@@ -22,9 +24,6 @@ _WARM = 60.0  # s
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, process, print and draw."""
-    from pipeline.processing import process
-    from pipeline.summary import summaries
-
     folder = _folder(options.out)
     scene = data_schemas.load_scene(synth.scene_path("demo"))
     if options.seed is not None:
@@ -97,8 +96,6 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
 
 def _alone(result: DataTree) -> str:
     """Say what one pendulum by itself would have shown: its phase speed from moment to moment, as gravity."""
-    import numpy as np
-
     from pipeline.plots.result import best_method, of_method
 
     phases, best = result["phases"].dataset, best_method(result) or "uncorrected"

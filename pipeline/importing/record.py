@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from numpy.typing import NDArray
 
 from data_schemas.contents import identifier, shown
@@ -20,9 +22,6 @@ from data_schemas.errors import RecordError, UsageError
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import attributes, dataset, rows_of
 from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 NETCDF = (".nc", ".nc4", ".cdf")
 ANGLES = {"rad": "rad", "mrad": "mrad", "deg": "deg", "°": "deg", "degrees": "deg", "degree": "deg", "mm": "mm"}
@@ -88,8 +87,6 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     FileError, RecordError
         The table cannot be read, or its times or values cannot make a record.
     """
-    import xarray as xr
-
     options = options or ImportOptions()
     table = read_columns(path) if Path(path).suffix.lower() in NETCDF else read_table(path)
     time_column = find_column(table, options.time) if options.time else 0
@@ -307,8 +304,6 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
 
 def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
     """Start and seconds; a date without a zone is taken as UTC: only differences matter."""
-    import pandas as pd
-
     cells = [row[column] for row in table.rows]
     moments = pd.to_datetime(cells, utc=True, format="ISO8601", errors="coerce")
     for row in np.flatnonzero(moments.isna())[:1].tolist():

@@ -17,7 +17,7 @@ from data_schemas.errors import UsageError
 if TYPE_CHECKING:
     from pipeline.prepared import Estimate, Prepared
 
-    Function = Callable[[Prepared], Estimate]
+Function = Callable[["Prepared"], "Estimate"]
 
 
 @dataclass(frozen=True)

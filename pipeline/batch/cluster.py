@@ -1,8 +1,7 @@
 """An existing dask.distributed cluster, by the address of its scheduler: an executor as those of `executors`.
 
-Every thread of a dask worker keeps an isolated process of its own, so that a record that crashes, hangs or fills the
-memory ends that process and never the worker: dask would lay its death to the charge of whatever else was there, and
-give up records that did nothing.
+Every thread of a worker keeps an isolated process of its own, so that a record that crashes, hangs or fills the memory
+never ends the worker: dask would lay its death to the charge of whatever else was there.
 """
 
 from __future__ import annotations

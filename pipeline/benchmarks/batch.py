@@ -1,7 +1,6 @@
 """Suite `batch`: what a record costs in a batch beside a bare loop, one process and two.
 
-The first table: one row a way of doing the same records: wall time from one record to the next, which is what several
-cores shorten, and processor time of all processes, start included. The second: every promise.
+One row a way: wall time from one record to the next, and processor time of all processes; then every promise.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """Suite `corrections`: what every method leaves (mGal) on every kind of record, and what it costs.
 
-With a folder: every point (CSV), a picture (PNG), and the finished records, so that a run that was interrupted goes on
-where it stopped.
-
 On noise-free linear pendulums it is known which method is right and by how much, to the order of magnitude, the others
-are wrong. The sizes of wrong methods depend on phases and swell, so they are judged by their root mean square over
-several swells. On real pendulums a value is judged by its own sigma; a flag excuses no error.
+are wrong: by their root mean square over several swells, as it depends on phases. On real pendulums a value is judged
+by its own sigma; a flag excuses no error. With a folder: every point (CSV), a picture, and finished records.
 """
 
 from __future__ import annotations

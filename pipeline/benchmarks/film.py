@@ -1,7 +1,6 @@
 """Suite `film`: films of every kind exposed, read, and compared with their truth, beside what others read lines with.
 
-The first table: one row a film and reader; errors are normal to the line, px rms. The second: every promise. With a
-folder: a picture of the first table.
+One row a film and reader, errors normal to the line, px rms; then every promise. With a folder: a picture.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Suite `honesty`: records of every kind and strength by the methods named; does the stated uncertainty hold?
 
-With a folder: its tables and a row a record (CSV), a picture a method, and the finished records, so that a run that was
-interrupted goes on where it stopped.
+With a folder: a row a record (CSV), a picture a method, and finished records, from which an interrupted run goes on.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Suite `huygens`: the paper's regime by four ways, what locks, and what holds of the paper.
 
-With a folder: pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished rows of the map, so that a run
-that was interrupted goes on where it stopped.
+With a folder: Fig. 2 redrawn, the lock map, and its finished rows, from which an interrupted run goes on.
 """
 
 from __future__ import annotations

@@ -1,12 +1,9 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, and bars.
 
 Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
-longer than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Bars:
-times faster than peers at equal or smaller error, on points of one run. With a folder: a picture.
-
-Peers are general integrators, each by its fastest face. Every right-hand side is compiled by Numba (heyoka's from
-formulas); Jacobians are given to whoever takes them. None of these libraries is needed to use the package; they are the
-extra `peers`.
+longer than a few seconds is timed once. Bars: times faster than peers at equal or smaller error, on points of one run.
+Peers (the extra `peers`) are general integrators, each by its fastest face: right-hand sides compiled by Numba
+(heyoka's from formulas), Jacobians for whoever takes them. With a folder: a picture.
 """
 
 from __future__ import annotations

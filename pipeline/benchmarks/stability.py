@@ -1,9 +1,8 @@
 """Suite `stability`: every propagator on every extreme motion.
 
-A motion with its error, or refused with a named reason, never silently wrong. Who may refuse is written down
-beforehand: the propagators that `solvers` names must meet their bound; any other may decline, but not be wrong. Truth
-is a closed form, an elliptic function in 40 digits, or a different propagator at a tighter tolerance; `source` says
-which. Records at the edge of what can be reduced are kinds of the suite `honesty`.
+A motion with its error, or refused with a named reason, never silently wrong. The propagators that `solvers` names must
+meet their bound; any other may decline, but not be wrong. Truth is a closed form, an elliptic function in 40 digits, or
+a different propagator at a tighter tolerance; `source` says which.
 """
 
 from __future__ import annotations

@@ -1,11 +1,7 @@
-"""A suite's rows: bars (promised, measured, allowed, held or not), files, a progress bar, points that are kept, times;
-the history of ratios of processor times, run after run, and its picture.
+"""A suite's rows: bars, files, a progress bar, points that are kept, times; the history of ratios, and its picture.
 
-A finished point is found again by what it is and by what computed it: the hash of its configuration and of every source
-that may move its numbers. An interrupted run goes on where it stopped; changed code is computed anew, never mixed with
-old results.
-
-Processor time is measured so that it can be compared: warm, rivals taking turns in one run, medians with ranges.
+A finished point is found again by its configuration and by every source that may move its numbers: an interrupted run
+goes on, and changed code is computed anew. Times are of the processor, warm, of rivals that take turns in one run.
 """
 
 from __future__ import annotations
@@ -22,12 +18,13 @@ import platform
 import statistics
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
+from tqdm import tqdm
 
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import write_text
@@ -55,11 +52,9 @@ def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
     write_text(stream.getvalue(), path, overwrite=True)
 
 
-def progress(items: Iterable[Item], what: str) -> Iterator[Item]:
-    """Pass items on; draw a bar if stderr is a terminal."""
-    from tqdm import tqdm
-
-    yield from tqdm(items, desc=what, disable=None, leave=False)
+def progress(items: Iterable[Item], what: str) -> Iterable[Item]:
+    """Items with a bar that is drawn if stderr is a terminal."""
+    return cast("Iterable[Item]", tqdm(items, desc=what, disable=None, leave=False))
 
 
 def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
+from pipeline.benchmarks import tables
 from pipeline.cli.parser import one_of
+from pipeline.cli.process import requested_methods
 from pipeline.cli.tables import print_json, print_table
 
 SUITES = (
@@ -20,8 +22,6 @@ SUITES = (
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
     one_of("suite", SUITES)(options.suite)
-    from pipeline.benchmarks import tables
-
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
@@ -53,8 +53,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _own(options: argparse.Namespace) -> dict[str, Any]:
     """Arguments that the suite `honesty` alone takes."""
-    from pipeline.cli.process import requested_methods
-
     given = {name: value for name in ("method", "kind", "seeds") if (value := getattr(options, name)) is not None}
     if given and options.suite != "honesty":
         raise UsageError(f"--{next(iter(given))} is of the suite honesty; drop it for {options.suite}")

@@ -12,6 +12,7 @@ from data_schemas.errors import RecordError, RefusedError, UsageError, naming
 from pipeline.cli.digitise import description, film_options, read_film
 from pipeline.cli.files import make_folder, place, read_checked, refuse_clashes, refuse_faults
 from pipeline.cli.tables import complain
+from pipeline.plots.canvas import require_matplotlib, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,8 +24,6 @@ _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
 
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture; status 3 for a film that is drawn and could not be read."""
-    from pipeline.plots.canvas import require_matplotlib, save
-
     require_matplotlib()
     path = Path(options.file)
     is_film = is_image(path)

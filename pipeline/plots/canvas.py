@@ -168,13 +168,11 @@ def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: st
 
 def running_mean(time: Floats, values: Floats, width: float) -> Floats:
     """Mean over `width` seconds about each instant, NaN where there is no value: single seconds are mostly noise."""
-    good = np.isfinite(values)
-    sums = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(good)])
-    first = np.searchsorted(time, time - 0.5 * width, side="left")
-    last = np.searchsorted(time, time + 0.5 * width, side="right")
-    with np.errstate(invalid="ignore"):
-        return np.where(good, (sums[last] - sums[first]) / (counts[last] - counts[first]), np.nan)
+    import pandas as pd
+
+    series = pd.Series(values, pd.to_timedelta(time, unit="s"))
+    means = series.rolling(pd.Timedelta(width, unit="s"), min_periods=1, center=True, closed="both").mean()
+    return np.array(means.where(series.notna()))
 
 
 def robust_limits(values: Floats, *, hidden: float = 0.5, margin: float = 0.15) -> tuple[float, float]:

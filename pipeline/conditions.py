@@ -11,8 +11,6 @@ f))`, 1 sigma, at the part f of the time between them (a Brownian bridge whose s
 midway.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Each part is a phase at the envelope's instants, from the separated harmonics. (
 the model's `phi_i' = n_i (1 - Theta_i^2/16)` and `a_i' = -gamma_i a_i` they carry the finite arc to the difference.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arrays import Floats

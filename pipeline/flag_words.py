@@ -1,7 +1,5 @@
 """Every flag of a result, as `flags.json` has it: what it says, and what to do about it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Part records of one film or cruise put together: one after the other, on the clock of the first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

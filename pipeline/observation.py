@@ -1,7 +1,5 @@
 """What a method is given: the two series of one difference pendulum, and what is known of the instrument."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field

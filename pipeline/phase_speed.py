@@ -5,8 +5,6 @@ links the proof. All angles rad, all speeds rad s-1; every argument may be an ar
 `frequency_2`; a1 (or Theta1) and a `amplitude_1` and `amplitude`; phi1 - phi (or Phi1 - phi) the `lead`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

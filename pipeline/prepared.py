@@ -6,8 +6,6 @@ Each sample is compared with the fit of {1, t, t^2, t^3, cos, sin, t cos, t sin}
 itself left out: what neighbours do not predict is an outlier, or white noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache

@@ -1,7 +1,5 @@
 """The recipe: a record in, a result out."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Collection, Sequence

@@ -1,7 +1,5 @@
 """What a result was made from, with what."""
 
-from __future__ import annotations
-
 import functools
 import json
 import platform

@@ -4,8 +4,6 @@ All come from the same separated harmonics. A stored speed is the derivative of 
 (`numpy.gradient`), so that its mean under the parabola of a slope fit is the slope of that phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

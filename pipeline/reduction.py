@@ -1,7 +1,5 @@
 """One method on one prepared record: gravity with its uncertainty, ledger, sensitivities and flags, or a refusal."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace

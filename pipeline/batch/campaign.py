@@ -3,8 +3,6 @@
 Nothing is kept because a file exists, but because it is still what it was.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os

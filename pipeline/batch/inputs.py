@@ -1,7 +1,5 @@
 """Which files a command line means, of which kind each is, what its result is called; grids of values for scenes."""
 
-from __future__ import annotations
-
 import glob
 import itertools
 import math

@@ -4,8 +4,6 @@ Cost is that of methods beside a Hilbert transform, and of the command line besi
 medians of the ratios of rivals that take turns. Of the joint fit: its scatter over the Cramer-Rao bound.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import sys

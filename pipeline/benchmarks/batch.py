@@ -3,8 +3,6 @@
 One row a way: wall time from one record to the next, and processor time of all processes; then every promise.
 """
 
-from __future__ import annotations
-
 import json
 import statistics
 import sys

@@ -5,8 +5,6 @@ are wrong: by their root mean square over several swells, as it depends on phase
 by its own sigma; a flag excuses no error. With a folder: every point (CSV), a picture, and finished records.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import statistics

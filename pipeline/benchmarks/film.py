@@ -3,8 +3,6 @@
 One row a film and reader, errors normal to the line, px rms; then every promise. With a folder: a picture.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import tempfile

@@ -3,8 +3,6 @@
 With a folder: Fig. 2 redrawn, the lock map, and its finished rows, from which an interrupted run goes on.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Sequence

@@ -6,8 +6,6 @@ Peers (the extra `peers`) are general integrators, each by its fastest face: rig
 (heyoka's from formulas), Jacobians for whoever takes them. With a folder: a picture.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence

@@ -9,8 +9,6 @@ physics gives a figure. Group `sea` is the world and the reading; group `instrum
 apparatus: zeros, tilt, accelerometer, gains, delays, clocks, clipping.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -8,8 +8,6 @@ and Wanner, Solving Ordinary Differential Equations I, II.9). The support's moti
 JONSWAP form, single lines of machinery) and of slow pulses.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

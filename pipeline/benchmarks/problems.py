@@ -1,7 +1,5 @@
 """Initial value problems: a system, its start and the instants to read at; those on which integrators are compared."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 What instrument and reading make of elongations comes first: each fault a few lines, in the order of nature.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import math

@@ -7,8 +7,6 @@ A swing moves by 1e-12 in an hour's last half bit of time: answers are compared 
 are doubles exactly. Equations are given to heyoka in 80 bits, so that products of constants are rounded once.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction

@@ -5,8 +5,6 @@ meet their bound; any other may decline, but not be wrong. Truth is a closed for
 a different propagator at a tighter tolerance; `source` says which.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -4,8 +4,6 @@ A finished point is found again by its configuration and by every source that ma
 goes on, and changed code is computed anew. Times are of the processor, warm, of rivals that take turns in one run.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import functools

@@ -1,7 +1,5 @@
 """`isochrony benchmark`: the measured claims of the project, one suite at a time."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 from itertools import groupby

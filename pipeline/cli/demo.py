@@ -1,7 +1,5 @@
 """`isochrony demo`: a ship record made, processed by every method and compared with the truth."""
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 from pathlib import Path

@@ -4,8 +4,6 @@
 3 no input usable; 70 internal error; 130 interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import errno

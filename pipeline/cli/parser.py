@@ -1,7 +1,5 @@
 """Argument parsing that answers every misuse with one line and the nearest known name."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import math

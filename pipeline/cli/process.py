@@ -1,7 +1,5 @@
 """`isochrony process`: records become gravity."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable

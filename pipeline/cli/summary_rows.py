@@ -1,7 +1,5 @@
 """Show processed records: a table and the ledger for a person, JSON Lines for a program."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

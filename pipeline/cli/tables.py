@@ -1,7 +1,5 @@
 """Rows on stdout, a table for people or JSON Lines; faults and progress bars on stderr."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -15,8 +15,6 @@ vertical by psi and strengthens it; heave changes it too. In the slow limit the 
 `n [sqrt(Gamma) - (Gamma'/n)^2/32]`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

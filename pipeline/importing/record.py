@@ -1,7 +1,5 @@
 """A text table becomes a record: seconds from the first row, angles in radians, pendulums by label."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import os

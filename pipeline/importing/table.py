@@ -1,7 +1,5 @@
 """Text tables of numbers: find delimiter, header and missing values; name the line of every fault."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -3,8 +3,6 @@
 Chronometer, temperature, air, base stations, flexure of the support; the plane of swing, which tilts, turns and rocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

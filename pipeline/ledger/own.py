@@ -1,7 +1,5 @@
 """What a method corrects itself, in parts: unequal periods, arcs, accelerations, faults of the apparatus."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.conditions import MGAL

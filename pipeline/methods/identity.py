@@ -13,8 +13,6 @@ Expanded about the measured one the start is good to 1e-3 even in heavy motion, 
 diverges.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import lru_cache

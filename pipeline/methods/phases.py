@@ -7,8 +7,6 @@ where the amplitude passes through zero. A correction is integrated and subtract
 and subtracting it from a slope would be wrong by up to 97 mGal, because the two weigh time differently.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -8,8 +8,6 @@ which at small arcs is `dA = pi (gamma/n) A + (4/3) c A^2 + 2 delta`; by least s
 pays for it.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import Any

@@ -7,8 +7,6 @@ half swing delta behind the rest: the smaller the arc, the later it is passed. W
 sigma is that of leaving out long stretches in turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

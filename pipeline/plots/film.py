@@ -1,7 +1,5 @@
 """A film and what was read of it: the image in strips, one under the other, with traces, marks and flags on it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from textwrap import shorten
 from typing import Any, NamedTuple

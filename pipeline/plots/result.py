@@ -1,7 +1,5 @@
 """A record as it was read, and its result: amplitudes, gravity by method and along the record, residual, spectrum."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -5,8 +5,6 @@ turning on, it drifts. Where it turns on but waits at one angle much longer than
 edge, or long rests between slips), it is intermittent.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -28,11 +28,6 @@ LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no ce
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
 LEAST_INSTANTS = 4  # of an envelope, for a swing to be followed
-_STORED = {
-    "theta": "record/elongation",
-    "difference": "record/elongation",
-    "vertical": "record/vertical_acceleration",
-}
 COLOUR_SECONDS = 4.0  # length of the blocks in which a residual is compared with a swing
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
@@ -74,7 +69,8 @@ class Prepared:
         for name in names:
             series = getattr(self.observation, name)
             if series is not None and (missing := np.count_nonzero(~np.isfinite(series))):
-                raise RefusedError(f"{_STORED[name]}: {missing} readings are missing; use --method joint")
+                stored = "vertical_acceleration" if name == "vertical" else "elongation"
+                raise RefusedError(f"record/{stored}: {missing} readings are missing; use --method joint")
 
     @cached_property
     def fine(self) -> NarrowbandFit:

@@ -11,6 +11,7 @@ from xarray import DataTree
 import data_schemas
 import synth
 from data_schemas.errors import FileError, UsageError
+from pipeline.cli.parser import page
 from pipeline.cli.tables import columns, print_header, print_row, print_text
 from pipeline.methods import DECLARED, METHODS
 from pipeline.processing import process
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
     _print_table(summaries(result), gravity)
     print()
-    print_text(f"{_alone(result)} {_EXPLANATION}", 0)
+    print_text(f"{_alone(result)} {page('demo')['explanation']}", 0)
     if importlib.util.find_spec("matplotlib") is None:
         print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
         return 0
@@ -48,13 +49,6 @@ def run(options: argparse.Namespace) -> int:
     save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
     print(f"picture: {folder / 'isochrony-demo.png'}")
     return 0
-
-
-_EXPLANATION = (
-    "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their periods "
-    "differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's acceleration "
-    "shift the period as well: only `general`, `shooting` and `joint` reduce them."
-)
 
 
 def _folder(name: str) -> Path:

@@ -4,7 +4,6 @@ import argparse
 import functools
 import math
 import os
-import textwrap
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -23,8 +22,8 @@ class Parser(argparse.ArgumentParser):
     """An `argparse` parser that raises `UsageError` instead of printing its usage block and leaving."""
 
     def __init__(self, **settings: Any) -> None:
-        settings.setdefault("formatter_class", _HelpFormatter)
-        super().__init__(allow_abbrev=False, **settings)
+        formatter: Any = functools.partial(argparse.RawDescriptionHelpFormatter, max_help_position=30)
+        super().__init__(allow_abbrev=False, formatter_class=formatter, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Raise `UsageError` with the message and where to read on; never returns."""
@@ -45,41 +44,6 @@ class Parser(argparse.ArgumentParser):
                 self.error(f"unexpected argument '{word}'")
             name = word.partition("=")[0]
             self.error(f"unknown option '{name}'{did_you_mean(name, self._option_string_actions)}")
-
-
-class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Wraps paragraphs to the terminal, leaves lists as they are written, and gives long options room on their line."""
-
-    def __init__(self, prog: str, **settings: Any) -> None:
-        super().__init__(prog, **{"max_help_position": 30, **settings})
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return "\n\n".join(_wrapped(block, width) for block in text.split("\n\n"))
-
-
-def _wrapped(block: str, width: int) -> str:
-    """A paragraph as wide as it may be; of a list, what is too long in its second column, or beneath the first.
-
-    >>> print(_wrapped("methods:\\n  joint  all at once, by likelihood", 30))
-    methods:
-      joint  all at once, by
-             likelihood
-    """
-    lines = block.split("\n")
-    if not any(line.startswith(" ") for line in lines):
-        return textwrap.fill(" ".join(lines), width)
-    out = []
-    for line in lines:
-        head, gap, tail = line[2:].partition("  ") if len(line) > width else (line[2:], "", "")
-        column = len(line) - len(tail.lstrip())
-        beside = bool(gap) and column < width // 3
-        if not beside:
-            column = 6
-            out.append(textwrap.fill(line[:2] + head, width, subsequent_indent=" " * 6, break_on_hyphens=False))
-        if gap:
-            first = line[:column] if beside else " " * column
-            out.append(textwrap.fill(tail.lstrip(), width, initial_indent=first, subsequent_indent=" " * column))
-    return "\n".join(out)
 
 
 def parser_of(verb: str, listed: str = "") -> Parser:

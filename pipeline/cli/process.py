@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterable
 from itertools import zip_longest
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
@@ -14,8 +15,11 @@ from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
 
-LISTED = "".join(f"\n  {name:<14}  {each.words}" for name, each in DECLARED.items())
-LISTED += "\n  all             every one of the above but auto"
+_WORDS = {name: each.words for name, each in DECLARED.items()} | {"all": "every one of the above but auto"}
+LISTED = "".join(
+    "\n" + fill(words, 78, initial_indent=f"  {name:<14}  ", subsequent_indent=18 * " ")
+    for name, words in _WORDS.items()
+)
 
 
 def reduction_options(options: argparse.Namespace) -> dict[str, Any]:

@@ -1,8 +1,10 @@
 """A record as it was read, and its result: amplitudes, gravity by method and along the record, residual, spectrum."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from xarray import Dataset, DataTree
 
 from pipeline.arrays import Floats
@@ -10,6 +12,10 @@ from pipeline.methods import BEST_FIRST
 from pipeline.period.cycles import arc_factor
 from pipeline.plots import canvas
 from pipeline.plots.canvas import angle_scale, draw_band, legend, note, over_time, panel, robust_limits, sheet, values
+
+if TYPE_CHECKING:  # it names methods without matplotlib too
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _ZOOM = 20.0  # s
 _MOST_TRACES = 8

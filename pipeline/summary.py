@@ -8,13 +8,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from xarray import DataTree
 
 from pipeline.flag_words import told
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 UNSURE = 0.95  # of a verdict, below which it is flagged
@@ -148,8 +148,6 @@ class Isochrony:
 
     def table(self) -> pd.DataFrame:
         """One row for each method; further results can be put beneath it with `pandas.concat`."""
-        import pandas as pd
-
         return pd.DataFrame(self.summary()).set_index(["record_id", "method"])
 
     def plot(self, *, true_gravity: float | None = None) -> Figure:

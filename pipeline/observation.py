@@ -113,18 +113,10 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     start = float(time[within.start])
     time, step, series = uniform_grid(time[within] - start, [row[within] for row in rows])
     return Observation(
-        start=start,
-        first=first,
-        second=second,
-        time=time,
-        step=step,
-        theta=series[0],
-        difference=series[1],
-        vertical=series[2] if len(rows) == 3 else None,
-        sigma_theta=_noise(traces, of_theta),
-        sigma_difference=_noise(traces, of_difference),
-        **instrument(record, (first, second)),
-    )
+        start=start, first=first, second=second, time=time, step=step, theta=series[0], difference=series[1],
+        vertical=series[2] if len(rows) == 3 else None, sigma_theta=_noise(traces, of_theta),
+        sigma_difference=_noise(traces, of_difference), **instrument(record, (first, second)),
+    )  # fmt: skip
 
 
 def span(series: Floats) -> slice:

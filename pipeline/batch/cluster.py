@@ -86,10 +86,9 @@ class Waiting:
     """Looks whether a cluster has workers by `count` of their threads; `told` once, `LOOK` s after the last is gone."""
 
     def __init__(self, address: str, count: Callable[[], int], told: Callable[[str], object]) -> None:
-        self._of, self._count, self._told = f"--scheduler {address}: has no workers", count, told
-        self._start = f"start some with 'dask worker {address}'"
+        self._of, self._start = f"--scheduler {address}: has no workers", f"start some with 'dask worker {address}'"
+        self._count, self._told, self._said = count, told, False
         self._since: float | None = None
-        self._said = False
 
     def threads(self) -> int:
         """Threads of the workers; `UsageError` where there are none for `PATIENCE` seconds."""

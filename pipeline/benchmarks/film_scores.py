@@ -133,12 +133,9 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
 
 
 def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> Row:
-    """Scores of a film read as `digitise` does, with its description beside it; and Mpx a CPU second.
+    """Scores of a film read as `digitise` does, and Mpx a CPU second; `IsochronyError` where it declines.
 
-    A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
-    whole marks. One that shifts on the way has slipped.
-
-    `IsochronyError` where it declines.
+    A time axis without a minute's code is right up to a shift by whole marks; one that shifts on the way has slipped.
     """
     (found, _), spent = timed(partial(read, path))
     names = order(found.tracks.position, truth)

@@ -123,11 +123,7 @@ def _spent() -> float:
 
 
 def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
-    """Times of rivals that take turns in `repeats` rounds, s a call: a busy machine slows all of them alike.
-
-    One call of each goes before and is not counted. `batch` calls of a rival follow each other within a round, for
-    calls of a few ms.
-    """
+    """Times of rivals that take turns in `repeats` rounds, s a call, after one that is not counted; `batch` at once."""
     for call in calls.values():
         call()
     taken: dict[str, list[float]] = {name: [] for name in calls}

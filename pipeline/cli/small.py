@@ -1,7 +1,5 @@
 """`isochrony validate`, `schema`, `explain`, `join`, `import` and `warm`: verbs of a few lines each."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -10,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import data_schemas
 import synth
@@ -20,9 +18,6 @@ from pipeline.cli.parser import number, one_of, pairs, periods
 from pipeline.flag_words import FLAGS
 from pipeline.methods import METHODS
 from synth.kernels.cache import WATCHERS, cache_folder, stamp
-
-if TYPE_CHECKING:
-    from data_schemas.scene import Scene
 
 _DURATION, _OF_FILM = 120.0, 150.0  # s, of what is worked on to compile kernels
 
@@ -143,7 +138,7 @@ def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     from pipeline.batch.executors import warm as use
     from pipeline.film.digitise import digitise
 
-    def scene(name: str, longest: float) -> Scene:
+    def scene(name: str, longest: float) -> Any:
         shipped = data_schemas.load_scene(synth.scene_path(name))
         return shipped.model_copy(update={"duration": min(shipped.duration, longest)})
 

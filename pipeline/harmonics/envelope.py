@@ -110,18 +110,10 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
     return Envelope(
-        time=centres,
-        carrier=frequency,
-        first=amplitude[0],
-        difference=amplitude[1],
-        first_speed=speed[0],
-        difference_speed=speed[1],
-        slow=fit[:, 2],
-        coverage=coverage[1],
-        samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(np.square(taps[:2]))),
-        taps=taps[0] - 1j * taps[1],
-    )
+        time=centres, carrier=frequency, first=amplitude[0], difference=amplitude[1], first_speed=speed[0],
+        difference_speed=speed[1], slow=fit[:, 2], coverage=coverage[1], samples=coverage.mean(axis=1) * every,
+        noise_gain=float(0.5 * np.sum(np.square(taps[:2]))), taps=taps[0] - 1j * taps[1],
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=2)  # records of one instrument have one window

@@ -210,10 +210,6 @@ def with_noise(
     return Estimate(
         frequency=float(np.hypot(oscillation, gamma)),
         uncorrected=float(np.hypot(envelope.carrier + uncorrected_slope, gamma)),
-        sigma=float(np.hypot(own, prepared.theta_error(shared.noise_theta, noise))),
-        noise=noise,
-        damping_rate=gamma,
-        samples=int(known.sum()),
-        residual_colour=colour,
-        **others,
-    )
+        sigma=float(np.hypot(own, prepared.theta_error(shared.noise_theta, noise))), noise=noise, damping_rate=gamma,
+        samples=int(known.sum()), residual_colour=colour, **others,
+    )  # fmt: skip

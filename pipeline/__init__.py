@@ -1,7 +1,5 @@
 """Records in, gravity out: the difference pendulum, its phase, the corrections, the uncertainty; synchrony."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

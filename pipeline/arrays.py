@@ -1,7 +1,5 @@
 """Names for the arrays that the pipeline passes about, and means of what is present in them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -11,8 +11,6 @@ f))`, 1 sigma, at the part f of the time between them (a Brownian bridge whose s
 midway.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -35,10 +33,7 @@ BASE = ("base_time", "base_gravity", "base_period")
 
 
 def refuse_impossible(constants: Constants, period: Floats, longer: Floats) -> None:
-    """Refuse by `RecordError` conditions that no pendulum at sea has: most likely a wrong unit.
-
-    `period` (2,) are the stated ones, `longer` (2,) what the conditions add to them, s.
-    """
+    """`RecordError` for conditions that add (2,) to the periods (2,), s, what none at sea do: likely a wrong unit."""
     change = float(np.abs(longer / period).max())
     if change > MOST_CHANGE:
         raise RecordError(

@@ -4,18 +4,12 @@ Each part is a phase at the envelope's instants, from the separated harmonics. (
 the model's `phi_i' = n_i (1 - Theta_i^2/16)` and `a_i' = -gamma_i a_i` they carry the finite arc to the difference.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.harmonics.envelope import KAISER_SHAPE, weighted_inverse
 from pipeline.harmonics.narrowband import running_integral
-
-if TYPE_CHECKING:
-    from pipeline.prepared import Prepared
+from pipeline.prepared import Prepared
 
 NON_ISOCHRONISM, ARC, ACCELERATION = "non_isochronism", "arc", "acceleration"
 PARTS = {

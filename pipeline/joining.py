@@ -1,17 +1,13 @@
 """Part records of one film or cruise put together: one after the other, on the clock of the first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from xarray import Dataset, DataTree
 
 from data_schemas.errors import RecordError, UsageError
 from pipeline.observation import epoch_of
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
 
 UNCERTAIN = "_uncertainty"
 
@@ -25,8 +21,6 @@ def join_records(records: Sequence[DataTree], names: Sequence[str]) -> DataTree:
     `UsageError`: fewer than two records; `RecordError`: they overlap in time, or differ in traces, pendulums or a
     constant.
     """
-    import xarray as xr
-
     if len(records) < 2:
         raise UsageError("join wants two part records or more")
     epochs = [epoch_of(record).get("epoch", 0.0) for record in records]
@@ -52,14 +46,12 @@ def join_records(records: Sequence[DataTree], names: Sequence[str]) -> DataTree:
     attributes = dict(first.attrs) | {"history": f"joined by isochrony from {', '.join(named)}"}
     attributes.pop("content_sha256", None)
     whole = ("time", np.concatenate(times), dict(first.dataset["time"].attrs))
-    groups["/"] = xr.Dataset(coords={"time": whole}, attrs=attributes)
-    return xr.DataTree.from_dict(groups)
+    groups["/"] = Dataset(coords={"time": whole}, attrs=attributes)
+    return DataTree.from_dict(groups)
 
 
 def _joined(group: str, parts: list[Dataset], sizes: list[int], names: Sequence[str]) -> Dataset:
     """One group of all parts."""
-    import xarray as xr
-
     first = parts[0]
     found: dict[str, Any] = {}
     for name in dict.fromkeys(str(name) for part in parts for name in part.variables):
@@ -84,7 +76,7 @@ def _joined(group: str, parts: list[Dataset], sizes: list[int], names: Sequence[
     elif any(part.attrs != first.attrs for part in parts):
         raise RecordError(f"{names[0]} and others: the attributes of /{group} differ; state the same in all")
     labels = {name: found.pop(name) for name in list(found) if name in first.coords}
-    return xr.Dataset(found, coords=labels, attrs=attributes)
+    return Dataset(found, coords=labels, attrs=attributes)
 
 
 def _along_time(

@@ -1,21 +1,17 @@
 """What a method is given: the two series of one difference pendulum, and what is known of the instrument."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import RecordError, RefusedError, UsageError
 from pipeline.arrays import Floats, evened, row_means_present
 from pipeline.conditions import DAY, Constants, Tie, by_air, by_temperature, rate_uncertainty, refuse_impossible, tie
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
@@ -117,18 +113,10 @@ def observe(record: DataTree, pair: str | None = None) -> Observation:
     start = float(time[within.start])
     time, step, series = uniform_grid(time[within] - start, [row[within] for row in rows])
     return Observation(
-        start=start,
-        first=first,
-        second=second,
-        time=time,
-        step=step,
-        theta=series[0],
-        difference=series[1],
-        vertical=series[2] if len(rows) == 3 else None,
-        sigma_theta=_noise(traces, of_theta),
-        sigma_difference=_noise(traces, of_difference),
-        **instrument(record, (first, second)),
-    )
+        start=start, first=first, second=second, time=time, step=step, theta=series[0], difference=series[1],
+        vertical=series[2] if len(rows) == 3 else None, sigma_theta=_noise(traces, of_theta),
+        sigma_difference=_noise(traces, of_difference), **instrument(record, (first, second)),
+    )  # fmt: skip
 
 
 def span(series: Floats) -> slice:
@@ -181,8 +169,6 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
 
 def epoch_of(record: DataTree) -> dict[str, float]:
     """Unix time of the record's time 0, s, where its units name a date."""
-    from datetime import UTC, datetime
-
     _, found, date = str(record.dataset.variables["time"].attrs.get("units", "")).partition("since ")
     try:
         epoch = datetime.fromisoformat(date.strip()) if found else None
@@ -257,10 +243,7 @@ def choose_pair(labels: list[str], combination: Floats, pair: str | None) -> tup
 
 
 def weights_of(combination: Floats, wanted: Floats, name: str) -> Floats:
-    """Of each trace in the wanted combination of pendulums; from one trace where that is it already.
-
-    `RecordError`: the traces cannot give it.
-    """
+    """Of each trace in a wanted combination of pendulums, one if it is that; `RecordError`: they cannot give it."""
     recorded = np.flatnonzero((combination == wanted).all(axis=1))
     if recorded.size:
         return np.asarray(np.eye(len(combination))[recorded[0]])

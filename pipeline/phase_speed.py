@@ -5,8 +5,6 @@ links the proof. All angles rad, all speeds rad s-1; every argument may be an ar
 `frequency_2`; a1 (or Theta1) and a `amplitude_1` and `amplitude`; phi1 - phi (or Phi1 - phi) the `lead`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,13 +12,9 @@ from pipeline.arrays import Floats
 
 
 def phase_speed(
-    frequency_1: ArrayLike,
-    frequency_2: ArrayLike,
-    amplitude_1: ArrayLike,
-    amplitude: ArrayLike,
-    lead: ArrayLike,
+    frequency_1: ArrayLike, frequency_2: ArrayLike, amplitude_1: ArrayLike, amplitude: ArrayLike, lead: ArrayLike,
     damping_difference: ArrayLike = 0.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Phase speed of the fictitious pendulum, (9), and of the difference pendulum, (25), (27) and (38).
 
     `phi' = n2 + (n1-n2) (a1/a) cos(phi1-phi) - (gamma1-gamma2) (a1/a) sin(phi1-phi)`, the damping added. With a1, phi1
@@ -33,15 +27,9 @@ def phase_speed(
 
 
 def leaking(
-    frequency_1: float,
-    frequency_2: float,
-    free_amplitude_1: ArrayLike,
-    amplitude: ArrayLike,
-    free_lead: ArrayLike,
-    phase: ArrayLike,
-    slow: ArrayLike,
-    slow_speed: ArrayLike,
-) -> Floats:
+    frequency_1: float, frequency_2: float, free_amplitude_1: ArrayLike, amplitude: ArrayLike, free_lead: ArrayLike,
+    phase: ArrayLike, slow: ArrayLike, slow_speed: ArrayLike,
+) -> Floats:  # fmt: skip
     """Phase speed (14): (9) with the slow motion psi1 written out.
 
     `phi' = n2 + (n1-n2) [(Theta1/a) cos(Phi1-phi) + (psi1/a) cos phi - psi1'/(n1 a) sin phi]`; the paper prints
@@ -63,14 +51,9 @@ def near_resonant_amplitude(frequency: float, half_detuning: float, acceleration
 
 
 def disturbed_speed(
-    time: ArrayLike,
-    frequency: float,
-    half_detuning: float,
-    forced_amplitude: float,
-    drive_phase: float,
-    free_amplitude: float,
-    free_phase: float,
-) -> Floats:
+    time: ArrayLike, frequency: float, half_detuning: float, forced_amplitude: float, drive_phase: float,
+    free_amplitude: float, free_phase: float,
+) -> Floats:  # fmt: skip
     """Phase speed of a single pendulum under near-resonant forcing, (39) corrected; `forced_amplitude` is beta of (31).
 
     `phi' = n1 + nu {[theta01^2 - theta01 beta cos(phi01-delta)]/a^2 - 1}` with
@@ -97,13 +80,9 @@ def speed_of_difference(amplitude: Floats, lead: ArrayLike, speed: Floats, growt
 
 
 def amplitude_rate(
-    frequency_difference: float,
-    amplitude_1: ArrayLike,
-    amplitude: ArrayLike,
-    lead: ArrayLike,
-    damping: float = 0.0,
+    frequency_difference: float, amplitude_1: ArrayLike, amplitude: ArrayLike, lead: ArrayLike, damping: float = 0.0,
     damping_difference: float = 0.0,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """a' of the difference pendulum, (26) and (27), rad s-1: `-Theta1 (n1-n2) sin(Phi1-phi)`, the damping added.
 
     `-gamma2 a - (gamma1-gamma2) Theta1 cos(Phi1-phi)` is what damping adds.

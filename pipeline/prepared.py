@@ -6,8 +6,6 @@ Each sample is compared with the fit of {1, t, t^2, t^3, cos, sin, t cos, t sin}
 itself left out: what neighbours do not predict is an outlier, or white noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -30,11 +28,6 @@ LEAST_SWINGS = 20.0  # a shorter record has no window for the harmonic and no ce
 LEAST_EXPLAINED = 0.5  # share of the difference's power that its own swing must explain
 LEAST_SWING, MOST_SWING = 1e-9, 10.0  # rad of the difference
 LEAST_INSTANTS = 4  # of an envelope, for a swing to be followed
-_STORED = {
-    "theta": "record/elongation",
-    "difference": "record/elongation",
-    "vertical": "record/vertical_acceleration",
-}
 COLOUR_SECONDS = 4.0  # length of the blocks in which a residual is compared with a swing
 CAPTURE = 0.02  # relative departure from the nominal frequency beyond which the swing was not found
 
@@ -76,7 +69,8 @@ class Prepared:
         for name in names:
             series = getattr(self.observation, name)
             if series is not None and (missing := np.count_nonzero(~np.isfinite(series))):
-                raise RefusedError(f"{_STORED[name]}: {missing} readings are missing; use --method joint")
+                stored = "vertical_acceleration" if name == "vertical" else "elongation"
+                raise RefusedError(f"record/{stored}: {missing} readings are missing; use --method joint")
 
     @cached_property
     def fine(self) -> NarrowbandFit:
@@ -107,10 +101,7 @@ class Prepared:
         return max(float(np.nanvar(rest)) - self.theta_error(1.0, 0.0) ** 2, 0.0)
 
     def theta_error(self, sensitivity: float, fallback: float) -> float:
-        """1-sigma of n2 from the first pendulum's reading noise, rad s-1, by its sensitivity to white noise, s-1.
-
-        `fallback` is the noise taken where neither neighbours nor the record tell, rad.
-        """
+        """1 sigma of n2, rad s-1, by its sensitivity to the first pendulum's noise; `fallback`, rad: none is known."""
         stated = self.observation.sigma_theta
         noise = self.noise_theta if np.isfinite(self.noise_theta) else fallback if stated is None else stated
         return sensitivity * noise
@@ -142,10 +133,7 @@ class Estimate:
 
 
 def prepare(observation: Observation) -> Prepared:
-    """Look at both series once.
-
-    `RefusedError`: a series has too few samples or outliers, or the record is too short for any method.
-    """
+    """Look at both series once; `RefusedError`: too few samples, outliers, or a record too short for any method."""
     nominal = float(observation.frequency_reference[1])
     swings = float(observation.time[-1]) * nominal / (2.0 * np.pi)
     if swings < LEAST_SWINGS:

@@ -1,37 +1,31 @@
 """The recipe: a record in, a result out."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from xarray import Dataset, DataTree
+
+from data_schemas import adopted
+from data_schemas.checking import checked
 from data_schemas.errors import RefusedError, UsageError
 from data_schemas.layouts import REWRITTEN
 from pipeline import methods
+from pipeline.methods import Function
 from pipeline.observation import observe
+from pipeline.prepared import prepare
 from pipeline.reduction import Reduction, of_film, reduce_by, refused
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
-
-    from pipeline.methods import Function
+from pipeline.result import build_result, period_result
 
 _JOINTLY = ("auto", "joint")
 
 
 def process(
-    record: DataTree | Dataset | str | os.PathLike[str],
-    *,
-    method: str | Function | Sequence[str | Function] = "auto",
-    pair: str | None = None,
-    gain_uncertainty: float = 0.0,
-    full: bool = False,
-    quantities: str = "all",
+    record: DataTree | Dataset | str | os.PathLike[str], *, method: str | Function | Sequence[str | Function] = "auto",
+    pair: str | None = None, gain_uncertainty: float = 0.0, full: bool = False, quantities: str = "all",
     accept: Collection[str] = (),
-) -> DataTree:
+) -> DataTree:  # fmt: skip
     """Reduce a record to gravity by one or several methods; a single trace to its period.
 
     Parameters
@@ -66,11 +60,6 @@ def process(
     UsageError
         A name that is not a method, pair or choice of quantities, or a negative uncertainty.
     """
-    from data_schemas import adopted
-    from data_schemas.checking import checked
-    from pipeline.prepared import prepare
-    from pipeline.result import build_result
-
     started = time.perf_counter()
     requested = [_named(each) for each in ([method] if isinstance(method, str) or callable(method) else method)]
     if not gain_uncertainty >= 0.0:
@@ -83,8 +72,6 @@ def process(
     if REWRITTEN in record.attrs:
         raised = (*raised, REWRITTEN)
     if record["record"].sizes["trace"] == 1 and pair is None:
-        from pipeline.period.result import period_result
-
         return period_result(record, contents, requested, started, raised)
     others = [name for name in requested if name not in _JOINTLY]
     joint, found = None, dict[str, Reduction]()

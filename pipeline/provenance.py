@@ -1,16 +1,10 @@
 """What a result was made from, with what."""
 
-from __future__ import annotations
-
 import functools
 import json
 import platform
 import sys
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from data_schemas.contents import Contents
 
 _PACKAGES = ("isochrony", "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "boule")
 
@@ -31,16 +25,3 @@ def command_line() -> str:
     """The words of this process, as text that a file can hold: what is no UTF-8, as in some names, is escaped."""
     words = " ".join(sys.argv) if sys.argv and sys.argv[0] else "python"
     return words.encode("utf-8", "backslashreplace").decode()
-
-
-def provenance(record: Contents) -> dict[str, Any]:
-    """`input_sha256`, `versions`, `command` and `history` of a result."""
-    from data_schemas.checksum import ATTRIBUTE, digest
-
-    stored = record[""].attrs.get(ATTRIBUTE)
-    return {
-        "input_sha256": str(stored) if stored else digest(record),
-        "versions": versions(),
-        "command": command_line(),
-        "history": "made by isochrony process",
-    }

@@ -4,8 +4,6 @@ All come from the same separated harmonics. A stored speed is the derivative of 
 (`numpy.gradient`), so that its mean under the parabola of a slope fit is the slope of that phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -121,10 +119,7 @@ def _quality(amplitude: Floats, time: Floats, known: Floats) -> np.ndarray:
 
 @np.errstate(invalid="ignore", divide="ignore")
 def correction(prepared: Prepared, reductions: Sequence[Reduction], own: Prepared | None = None) -> dict[str, Any]:
-    """Group `correction`: what each method adds to phase and phase speed of the difference, part by part.
-
-    `own` is that which methods other than `joint` looked at, where it is another one.
-    """
+    """Group `correction`: what each method adds to the difference's phase; `own`: what others than joint looked at."""
     envelope = prepared.sliding
     time = envelope.time
     measured = unwrapped(envelope.difference[None])[0] + envelope.carrier * time

@@ -1,14 +1,12 @@
 """One method on one prepared record: gravity with its uncertainty, ledger, sensitivities and flags, or a refusal."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import RefusedError
 from pipeline.conditions import MGAL
@@ -20,9 +18,6 @@ from pipeline.ledger.entry import Case, Entry, arc_answer
 from pipeline.methods import method
 from pipeline.methods.phases import passes_zero
 from pipeline.prepared import CAPTURE, COLOUR_SECONDS, Estimate, Prepared
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 SOURCES = {"chronometer": "clock", "base_tie": "ratio"}  # Of the ledger's entries that bear another name in the budget
 HALVED = 0.75  # of the variance, which must go
@@ -192,10 +187,7 @@ def reduce_by(name: str, prepared: Prepared, gain_uncertainty: float) -> Reducti
 
 
 def of_film(record: DataTree, accept: Collection[str]) -> tuple[str, ...]:
-    """What the reading of the film left doubtful, as /film of a record says.
-
-    `RefusedError`: time or scale is doubtful, and the flag is not among those that are accepted.
-    """
+    """What the film's reading left doubtful, as /film says; `RefusedError`: a flag blocks, and is not accepted."""
     if "film" not in record.children:
         return ()
     found = tuple(name for name in str(record["film"].attrs.get("flags", "")).split(", ") if name in FLAGS)

@@ -1,71 +1,59 @@
-"""The result of a record as a DataTree of the layout "isochrony-result"."""
+"""The result of a record as a DataTree of the layout "isochrony-result": gravity, or the period of a single trace."""
 
 from __future__ import annotations
 
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from xarray import Dataset, DataTree
 
-from data_schemas.checksum import numbers_sha256
+from data_schemas.checksum import ATTRIBUTE, digest, numbers_sha256
 from data_schemas.contents import Contents
 from data_schemas.layouts import root_attributes
 from data_schemas.variables import dataset
 from pipeline import quantities
 from pipeline.arrays import Floats
-from pipeline.conditions import MGAL, Constants
+from pipeline.conditions import DAY, MGAL, Constants
 from pipeline.flag_words import told
 from pipeline.ledger.book import corrections
 from pipeline.ledger.earth import anomalies
-from pipeline.observation import combine, weights_of
+from pipeline.observation import clock_of, combine, weights_of
 from pipeline.prepared import Prepared
-from pipeline.provenance import provenance
+from pipeline.provenance import command_line, versions
 from pipeline.reduction import Reduction
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
-
     from pipeline.joint.reduction import Joint
 
-_EXTRA = {
-    "requested": ("1", "method that was asked for"),
-    "resolved": ("1", "method that was used"),
-    "status": ("1", "ok, or refused"),
-    "error": ("1", "why the method refused"),
-    "choice_reason": ("1", "what the joint fit found in the record"),
-    "method_flags": ("1", "flags of the method, separated by blanks"),
-    "samples_used": ("1", "samples of the difference that were used"),
-    "reading_noise": ("rad", "white reading noise found in the difference, 1 sigma"),
-    "damping_rate": ("s-1", "damping rate of the second pendulum, stated or found"),
-    "difference_frequency": ("rad s-1", "mean phase speed of the difference, uncorrected"),
-    "sensitivity_frequency_difference": ("mGal", "change of gravity if (n1-n2)/n2 were larger by 1e-7"),
-    "sensitivity_gain": ("mGal", "change of gravity if the first trace's gain were larger by 1 %"),
-    "elapsed": ("s", "time the method took"),
-}
+TREND = 1e-3  # relative drift of the reduced period that is flagged
+_EXTRA = json.loads(Path(__file__).with_name("result_variables.json").read_text(encoding="utf-8"))
+"""Units and meanings of what results have beside the table of variables, by group."""
+
+_NUMBERS = {
+    "gravity_sigma": "gravity.sigma", "noise_sigma": "gravity.noise", "uncorrected": "gravity.uncorrected",
+    "sensitivity_frequency_difference": "gravity.per_ratio", "sensitivity_gain": "gravity.per_gain",
+    "reading_noise": "estimate.noise", "damping_rate": "estimate.damping_rate",
+    "difference_frequency": "estimate.uncorrected",
+}  # fmt: skip
+_TEXTS = {"requested": "requested", "resolved": "method", "error": "error", "choice_reason": "reason"}
+"""Variables of /gravity, by where a reduction has them."""
 
 
 def build_result(
-    record: DataTree,
-    contents: Contents,
-    prepared: Prepared,
-    own: Prepared | None,
-    reductions: Sequence[Reduction],
-    joint: Joint | None,
-    *,
-    full: bool,
-    bare: bool,
-    started: float,
-) -> DataTree:
+    record: DataTree, contents: Contents, prepared: Prepared, own: Prepared | None, reductions: Sequence[Reduction],
+    joint: Joint | None, *, full: bool, bare: bool, started: float,
+) -> DataTree:  # fmt: skip
     """Lay out gravity, phases, corrections, course, residual and provenance.
 
     `contents` are those of the record; phases and corrections are drawn from `prepared`; `own` is what methods of one
     difference looked at, where it is another one. `full`: the pendulums' angles at the record's own times are laid out
     too; `bare`: gravity alone is. `started` is by `time.perf_counter`.
     """
-    from xarray import Dataset, DataTree
-
     seen, of_time = prepared.observation, dict(record.dataset.variables["time"].attrs)
     pendulums, names = [seen.first, seen.second], _labels(reductions)
     recorded = np.asarray(record.dataset.variables["time"].values, dtype=np.float64)
@@ -120,13 +108,17 @@ def _difference(
 
 def result_attributes(record: Contents, configuration: Mapping[str, Any], started: float) -> dict[str, Any]:
     """Root attributes: identity, provenance, configuration and time taken."""
-    record_id = str(record[""].attrs.get("record_id", ""))
+    attrs = record[""].attrs
+    record_id = str(attrs.get("record_id", ""))
     return {
         **root_attributes("result", record_id),
         "title": f"gravity of record {record_id}",
         "source": "isochrony process",
         "configuration": json.dumps(dict(configuration), sort_keys=True),
-        **provenance(record),
+        "input_sha256": str(attrs.get(ATTRIBUTE) or digest(record)),
+        "versions": versions(),
+        "command": command_line(),
+        "history": "made by isochrony process",
         "elapsed_s": clock.perf_counter() - started,
     }
 
@@ -150,7 +142,6 @@ def _gravity(
     per_milligal = column(lambda r: -np.pi / r.gravity.frequency[1] * MGAL / r.gravity.gravity * 1e7)
     variables: dict[str, Any] = {
         "gravity": gravity,
-        "gravity_sigma": column(lambda r: r.gravity.sigma),
         "epoch": np.full(len(names), epoch),
         "frequency": column(lambda r: r.gravity.frequency, (nan, nan)),
         "value": value,
@@ -161,32 +152,83 @@ def _gravity(
         "input": ledger("inputs", "").astype(object),
         "formula": [module.FORMULA for module in every],
         "formula_source": [module.SOURCE for module in every],
-        "noise_sigma": column(lambda r: r.gravity.noise),
-        "uncorrected": column(lambda r: r.gravity.uncorrected),
         **anomalies(constants, gravity),
-        "requested": [r.requested for r in reductions],
-        "resolved": [r.method for r in reductions],
         "status": ["ok" if r.gravity else "refused" for r in reductions],
-        "error": [r.error for r in reductions],
-        "choice_reason": [r.reason for r in reductions],
         "method_flags": [" ".join(r.flags) for r in reductions],
         "samples_used": column(lambda r: r.estimate.samples, 0).astype(np.int64),
-        "reading_noise": column(lambda r: r.estimate.noise),
-        "damping_rate": column(lambda r: r.estimate.damping_rate),
-        "difference_frequency": column(lambda r: r.estimate.uncorrected),
-        "sensitivity_frequency_difference": column(lambda r: r.gravity.per_ratio),
-        "sensitivity_gain": column(lambda r: r.gravity.per_gain),
         "elapsed": np.array([r.elapsed for r in reductions]),
+        **{name: column(attrgetter(place)) for name, place in _NUMBERS.items()},
+        **{name: [getattr(r, field) for r in reductions] for name, field in _TEXTS.items()},
         "share": column(lambda r: [r.gravity.budget.get(s, 0.0) for s in sources], [nan] * len(sources)),
         "advice": [r.gravity.advice if r.gravity else "" for r in reductions],
     }
     if raised:
         variables |= {"flag": raised, "flag_meaning": [told(name) for name in raised]}
     coordinates: dict[str, Any] = {"estimator": names, "pendulum": pendulums, "entry": entries, "source": sources}
-    return dataset("gravity", variables, coordinates, _EXTRA, ("estimator",))
+    return dataset("gravity", variables, coordinates, _EXTRA["gravity"], ("estimator",))
 
 
 def _labels(reductions: Sequence[Reduction]) -> list[str]:
     """Name of each row: the method, or `auto` where it chose one that was asked for by name as well."""
     named = {reduction.method for reduction in reductions if reduction.requested != "auto"}
     return [r.requested if r.requested == "auto" and r.method in named else r.method for r in reductions]
+
+
+def period_result(
+    record: DataTree, contents: Contents, requested: Sequence[str], started: float, raised: Sequence[str] = ()
+) -> DataTree:
+    """Lay out the analysis of a record's only trace, with flags that are `raised` before; `RefusedError`: too short."""
+    from pipeline.period.cycles import find_cycles
+    from pipeline.period.fit import SCALE, fit_period
+
+    time = np.asarray(record.dataset["time"].values, dtype=np.float64)
+    elongation = np.asarray(record["record"].dataset["elongation"].values[0], dtype=np.float64)
+    instrument = record["instrument"].dataset if "instrument" in record.children else Dataset()
+    linear = instrument.attrs.get("restoring") == "linear"
+    stated = {name: each.values for name, each in instrument.data_vars.items()}
+    scale = float(np.max(stated.get("scale_uncertainty", SCALE)))
+    fit = fit_period(find_cycles(time - time[0], elongation), linear=linear, scale_uncertainty=scale)
+    true = 1.0 + float(stated.get("chronometer_rate", 0.0)) / DAY
+    rates = float(stated.get("chronometer_rate_uncertainty", 0.0)) / DAY, *clock_of(record).values()
+    sigma = float(np.linalg.norm([fit["period_sigma"], *(fit["period"] * rate for rate in rates)])) * true
+    found = {
+        "amplitude-scale": fit.pop("scaled"),
+        "correction-without-uncertainty": "length" in stated and "length_uncertainty" not in stated,
+        "period-trend": fit["trend"] > TREND,
+    }
+    values = fit | {
+        "period": fit["period"] * true,
+        "period_sigma": sigma,
+        "cycle_time": fit["cycle_time"] + time[0],
+        **_by_length(fit["period"] * true, sigma, stated),
+        **_steps(time, elongation),
+        "elapsed": clock.perf_counter() - started,
+        "flag": ["single-trace", *raised, *(name for name, raises in found.items() if raises)],
+    }
+    root = Dataset(coords={"time": ("time", time[[0, -1]], dict(record.dataset["time"].attrs))})
+    tree = DataTree.from_dict({"/": root, "/period": dataset("period", values, {}, _EXTRA["period"])})
+    trace = str(record["record"].dataset["trace"].values[0])
+    tree.attrs.update(result_attributes(contents, {"trace": trace, "methods": ["period"]}, started))
+    tree.attrs["requested_method"] = ",".join(requested)
+    tree.attrs["title"] = f"period of record {tree.attrs['record_id']}"
+    return tree
+
+
+def _by_length(period: float, sigma: float, stated: Mapping[Any, Any]) -> dict[str, float]:
+    """g = l (2 pi/T)^2, where the instrument states the length of its only pendulum."""
+    if "length" not in stated or np.size(stated["length"]) != 1:
+        return {}
+    length = float(np.ravel(stated["length"])[0])
+    own = float(np.ravel(stated.get("length_uncertainty", 0.0))[0])
+    value = length * (2.0 * np.pi / period) ** 2
+    return {"gravity": value, "gravity_sigma": value / MGAL * float(np.hypot(own / length, 2.0 * sigma / period))}
+
+
+def _steps(time: np.ndarray, elongation: np.ndarray) -> dict[str, float]:
+    """Quantisation of angle and clock, as found: they explain the scatter of single cycles."""
+    changes = np.abs(np.diff(elongation[np.isfinite(elongation)]))
+    changes = changes[changes > 0.0]
+    steps = np.diff(time)
+    usual = steps[steps < 5.0 * np.median(steps)]
+    least = float(changes.min()) if changes.size else 0.0
+    return {"angle_step": least, "time_step_least": float(usual.min()), "time_step_most": float(usual.max())}

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from xarray import DataTree
 
 from pipeline.flag_words import told
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 UNSURE = 0.95  # of a verdict, below which it is flagged
@@ -23,6 +23,19 @@ _SUMMED = {
     "lock_time_s": "lock_time", "slips": "slips", "rate_difference_per_day": "mean_rate_difference",
     "rate_difference_sigma_per_day": "mean_rate_difference_sigma", "amplitude_ratio": "amplitude_ratio",
 }  # fmt: skip
+_NUMBERS = {
+    "gravity_m_s2": "gravity", "gravity_sigma_mgal": "gravity_sigma", "elapsed_s": "elapsed",
+    "difference_frequency_rad_s": "difference_frequency", "uncorrected_m_s2": "uncorrected",
+    "noise_sigma_mgal": "noise_sigma", "free_air_anomaly_mgal": "free_air_anomaly",
+    "bouguer_anomaly_mgal": "bouguer_anomaly",
+}  # fmt: skip
+_ENTRY: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "entry": ("entry", str), "value_mgal": ("value", float), "sigma_mgal": ("sigma", float),
+    "period_1e-7_s": ("value_period", float), "applied": ("applied", bool), "reason": ("reason", str),
+    "input": ("input", lambda names: str(names).split()), "formula": ("formula", str),
+    "formula_source": ("formula_source", str),
+}  # fmt: skip
+"""Keys of a method and of an entry of its ledger, by variables of /gravity."""
 SHOWN = ("method", "gravity_m_s2", "gravity_sigma_mgal", "uncorrected_m_s2", "status")
 
 
@@ -42,7 +55,7 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
     sources = [str(name) for name in table["source"].values] if "source" in table else []
     rows = []
     for k in range(len(methods["estimator"])):
-        row = {name: values[k] for name, values in methods.items()}
+        row = {name: values[k] for name, values in methods.items()} | shared
         shares = sorted(zip(sources, map(float, row.get("share", ())), strict=False), key=lambda each: -each[1])
         rows.append(
             {
@@ -51,15 +64,10 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "error": None if str(row["status"]) == "ok" else str(row["error"]),
                 "requested_method": str(row["requested"]),
                 "method": str(row["resolved"]),
-                "gravity_m_s2": float(row["gravity"]),
-                "gravity_sigma_mgal": float(row["gravity_sigma"]),
+                **{key: float(row[name]) for key, name in _NUMBERS.items() if name in row},
                 "frequency_rad_s": dict(zip(pendulums, map(float, row["frequency"]), strict=True)),
-                "difference_frequency_rad_s": float(row["difference_frequency"]),
                 "corrections_mgal": dict(zip(entries, map(float, row["value"]), strict=True)),
-                "uncorrected_m_s2": float(row["uncorrected"]),
-                "noise_sigma_mgal": float(row["noise_sigma"]),
-                "ledger": [_entry(row | shared, k) for k in range(len(entries))],
-                **{f"{name}_mgal": float(row[name]) for name in ("free_air_anomaly", "bouguer_anomaly") if name in row},
+                "ledger": [{key: of(row[name][j]) for key, (name, of) in _ENTRY.items()} for j in range(len(entries))],
                 "sensitivity_mgal": {
                     "frequency_difference_1e-7": float(row["sensitivity_frequency_difference"]),
                     "gain_1_percent": float(row["sensitivity_gain"]),
@@ -69,42 +77,17 @@ def summaries(result: DataTree) -> list[dict[str, Any]]:
                 "flags": str(row["method_flags"]).split(),
                 "choice_reason": str(row["choice_reason"]) or None,
                 "samples_used": int(row["samples_used"]),
-                "elapsed_s": float(row["elapsed"]),
             }
         )
     return rows
 
 
-def _entry(row: Mapping[str, Any], k: int) -> dict[str, Any]:
-    """One entry of a method's ledger."""
-    return {
-        "entry": str(row["entry"][k]),
-        "value_mgal": float(row["value"][k]),
-        "sigma_mgal": float(row["sigma"][k]),
-        "period_1e-7_s": float(row["value_period"][k]),
-        "applied": bool(row["applied"][k]),
-        "reason": str(row["reason"][k]),
-        "input": str(row["input"][k]).split(),
-        "formula": str(row["formula"][k]),
-        "formula_source": str(row["formula_source"][k]),
-    }
-
-
 def _without_gravity(result: DataTree, requested: str, method: str) -> dict[str, Any]:
     """What every summary begins with, of an analysis that gives no gravity."""
-    return {
-        "record_id": str(result.attrs["record_id"]),
-        "status": "ok",
-        "error": None,
-        "requested_method": requested,
-        "method": method,
-        "gravity_m_s2": None,
-        "gravity_sigma_mgal": None,
-        "frequency_rad_s": {},
-        "difference_frequency_rad_s": None,
-        "corrections_mgal": {},
-        "sensitivity_mgal": {},
-    }
+    said = {"record_id": str(result.attrs["record_id"]), "status": "ok", "error": None}
+    said |= {"requested_method": requested, "method": method}
+    none = dict.fromkeys(("gravity_m_s2", "gravity_sigma_mgal", "difference_frequency_rad_s"))
+    return said | none | {"frequency_rad_s": {}, "corrections_mgal": {}, "sensitivity_mgal": {}}
 
 
 def _of_period(result: DataTree) -> list[dict[str, Any]]:
@@ -165,8 +148,6 @@ class Isochrony:
 
     def table(self) -> pd.DataFrame:
         """One row for each method; further results can be put beneath it with `pandas.concat`."""
-        import pandas as pd
-
         return pd.DataFrame(self.summary()).set_index(["record_id", "method"])
 
     def plot(self, *, true_gravity: float | None = None) -> Figure:

@@ -3,8 +3,6 @@
 Nothing is kept because a file exists, but because it is still what it was.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import os
@@ -20,10 +18,7 @@ from pipeline.batch.ledger import NAME, Index, Ledger, Log
 
 
 def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = False) -> bool:
-    """Whether the ledger's outcome of a job still holds: same input, settings and versions, and the output verifies.
-
-    `retry_failed`: what failed is to be done again; what a method refused it would refuse again.
-    """
+    """Whether a job's outcome holds: same input, settings, versions, output; `retry_failed`: none that failed does."""
     place = ledger.places.get(config.key)
     if place is None or not place.fits(config, ledger.versions) or (place.status == "failed" and retry_failed):
         return False
@@ -33,10 +28,7 @@ def holds(path: Path, config: Config, ledger: Index, *, retry_failed: bool = Fal
 
 
 def remove_leftovers(folder: Path) -> int:
-    """Remove what killed processes of a batch left half-written in its folder and below, and say how many.
-
-    Folders with a ledger of their own are another batch's, and not entered. `FileError` where one cannot be removed.
-    """
+    """Remove what killed processes left half-written in a batch's folder; how many. `FileError` where it fails."""
     count, begins = 0, f".isochrony-{owner_of(folder)}"
     for place, below, names in os.walk(folder):
         below[:] = [name for name in below if not os.path.lexists(os.path.join(place, name, NAME))]
@@ -73,17 +65,9 @@ class Tally:
 
 
 def run(
-    jobs: Sequence[Job],
-    ledger: Ledger,
-    executor: Executor,
-    log: Log,
-    tally: Tally,
-    *,
-    anew: bool = False,
-    retry_failed: bool = False,
-    limit: int | None = None,
-    progress: Callable[..., object] | None = None,
-) -> None:
+    jobs: Sequence[Job], ledger: Ledger, executor: Executor, log: Log, tally: Tally, *, anew: bool = False,
+    retry_failed: bool = False, limit: int | None = None, progress: Callable[..., object] | None = None,
+) -> None:  # fmt: skip
     """Do at most `limit` jobs that are not done; `FileError` where the ledger or the log cannot be written.
 
     The executor is closed when this ends, however it ends; the tally counts as things happen, so that it is right

@@ -1,8 +1,7 @@
 """An existing dask.distributed cluster, by the address of its scheduler: an executor as those of `executors`.
 
-Every thread of a dask worker keeps an isolated process of its own, so that a record that crashes, hangs or fills the
-memory ends that process and never the worker: dask would lay its death to the charge of whatever else was there, and
-give up records that did nothing.
+Every thread of a worker keeps an isolated process of its own, so that a record that crashes, hangs or fills the memory
+never ends the worker: dask would lay its death to the charge of whatever else was there.
 """
 
 from __future__ import annotations
@@ -28,14 +27,9 @@ LOOK, PATIENCE = 10.0, 300.0  # s without an outcome, after which workers are lo
 
 
 def clustered(
-    jobs: Iterable[tuple[Path, Config]],
-    *,
-    address: str,
-    methods: Sequence[str],
-    timeout: float,
-    security: Mapping[str, str] | None = None,
-    told: Callable[[str], object] = lambda _: None,
-) -> Generator[list[Outcome]]:
+    jobs: Iterable[tuple[Path, Config]], *, address: str, methods: Sequence[str], timeout: float,
+    security: Mapping[str, str] | None = None, told: Callable[[str], object] = lambda _: None,
+) -> Generator[list[Outcome]]:  # fmt: skip
     """Outcomes of jobs as they come, from the workers of a cluster that sees the same files and has this package.
 
     Jobs are taken as the cluster gets free. `address` is the scheduler's, such as ``tcp://10.0.0.1:8786``; `methods`
@@ -92,10 +86,9 @@ class Waiting:
     """Looks whether a cluster has workers by `count` of their threads; `told` once, `LOOK` s after the last is gone."""
 
     def __init__(self, address: str, count: Callable[[], int], told: Callable[[str], object]) -> None:
-        self._of, self._count, self._told = f"--scheduler {address}: has no workers", count, told
-        self._start = f"start some with 'dask worker {address}'"
+        self._of, self._start = f"--scheduler {address}: has no workers", f"start some with 'dask worker {address}'"
+        self._count, self._told, self._said = count, told, False
         self._since: float | None = None
-        self._said = False
 
     def threads(self) -> int:
         """Threads of the workers; `UsageError` where there are none for `PATIENCE` seconds."""

@@ -5,8 +5,6 @@ Linux has two walls for that, which hold for the process and all that it starts,
 than beneath named folders. Where the system lacks one, or a container forbids it, the process goes on without.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import errno

@@ -138,10 +138,7 @@ def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> N
 
 
 def warm(methods: Sequence[str], parent: int | None = None) -> None:
-    """Import what processing needs, run every method once, and let garbage collection pass over all that.
-
-    `parent` is a process without which this one is to end: an orphan would write results nobody waits for.
-    """
+    """Import what processing needs and run every method once; end with the process `parent`, if one is given."""
     if parent is not None:
         _die_with(parent)
     _keep_memory()
@@ -180,11 +177,7 @@ def _die_with(parent: int) -> None:
 
 
 def _keep_memory() -> None:
-    """Tell GNU's C library to keep some memory between records; others have no such call.
-
-    Dask has its workers, and so what they start, give all back at once, and a record then spends a sixth of its time
-    in getting it again.
-    """
+    """Let GNU's C library keep memory between records: getting it again, as under dask, takes a sixth of the time."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is not None:
         mallopt(_M_TRIM_THRESHOLD, _KEPT)

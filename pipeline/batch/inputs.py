@@ -1,7 +1,5 @@
 """Which files a command line means, of which kind each is, what its result is called; grids of values for scenes."""
 
-from __future__ import annotations
-
 import glob
 import itertools
 import math
@@ -27,11 +25,7 @@ class Input(NamedTuple):
 
 
 def find_inputs(words: Sequence[str], kinds: Sequence[Kind]) -> list[Input]:
-    """Files, glob patterns and folders, which are searched with all below them; each file once, in order of name.
-
-    `UsageError` for an empty word, a pattern or folder without any file or that cannot be searched, a file of no known
-    kind.
-    """
+    """Files, patterns, folders with all below them, each file once, by name; `UsageError` for words that mean none."""
     found: dict[Path, tuple[Kind, str]] = {}
     for word in words:
         if not word:

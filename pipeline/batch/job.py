@@ -105,10 +105,7 @@ def failure(
 
 
 def process_record(path: Path, config: Config) -> Outcome:
-    """Make the result of one input and write it; the function that every executor runs.
-
-    There is an outcome also of an input that is missing, hostile, damaged or too large, and of a fault of our own.
-    """
+    """Make the result of an input and write it; whatever goes wrong, a fault of our own too, is told as its outcome."""
     started = time.perf_counter()
     digest = None
     try:

@@ -196,10 +196,7 @@ class Ledger(Index, contextlib.AbstractContextManager["Ledger"]):
         os.close(self._file)
 
     def append(self, outcomes: Iterable[Outcome], configurations: Mapping[str, str]) -> None:
-        """Write outcomes, each a line with the SHA-256 of its configuration, and wait until all are on the disk.
-
-        `FileError` where the disk is full, or fails; what was written before stays good.
-        """
+        """Write outcomes, each with its configuration's SHA-256, and wait for the disk; `FileError` if it fails."""
         lines, places, offset = [], {}, self._size
         for one in outcomes:
             content = outcome_content(one, configurations[one.key], self.versions)
@@ -240,10 +237,7 @@ def _hold(descriptor: int, path: Path) -> None:
 
 
 class Log(contextlib.AbstractContextManager["Log"]):
-    """The log for machines, one JSON object an event; a context manager. It only tells: nothing waits for the disk.
-
-    `FileError` where it cannot be written, also from `event`.
-    """
+    """The log for machines, an object an event; nothing waits for the disk; `FileError` where it cannot be written."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / LOG

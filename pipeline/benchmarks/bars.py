@@ -1,12 +1,8 @@
 """Suite `bars`: promised accuracy, statistics and cost as rows (bar, value, limit, pass).
 
-Cost is that of methods beside a Hilbert transform, and of the command line beside its imports. Times are processor
-times; rivals take turns in one run, and a bar is the median of the ratios, with their range. Of the joint fit: its
-scatter over the Cramer-Rao bound; whether its sigma holds is what the suite `honesty` promises, and what each method
-leaves on each kind of record is what the suite `corrections` shows.
+Cost is that of methods beside a Hilbert transform, and of the command line beside its imports, in processor time:
+medians of the ratios of rivals that take turns. Of the joint fit: its scatter over the Cramer-Rao bound.
 """
-
-from __future__ import annotations
 
 import math
 import statistics

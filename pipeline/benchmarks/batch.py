@@ -1,10 +1,7 @@
 """Suite `batch`: what a record costs in a batch beside a bare loop, one process and two.
 
-The first table: one row a way of doing the same records: wall time from one record to the next, which is what several
-cores shorten, and processor time of all processes, start included. The second: every promise.
+One row a way: wall time from one record to the next, and processor time of all processes; then every promise.
 """
-
-from __future__ import annotations
 
 import json
 import statistics
@@ -73,10 +70,7 @@ WAYS: Mapping[str, Way] = {BARE: _bare, ONE: partial(_batch, jobs=1), TWO: parti
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[tables.Row]:
-    """Yield one row a way, then one row a promise; ways take turns, so that a busy machine slows all of them.
-
-    Quick: fewer records, one round.
-    """
+    """Yield one row a way, the ways taking turns, then one row a promise; quick: fewer records, one round."""
     count, rounds = QUICK if quick else FULL
     taken: dict[str, list[float]] = {name: [] for name in WAYS}
     spent: dict[str, list[float]] = {name: [] for name in WAYS}

@@ -1,14 +1,9 @@
 """Suite `corrections`: what every method leaves (mGal) on every kind of record, and what it costs.
 
-With a folder: every point (CSV), a picture (PNG), and the finished records, so that a run that was interrupted goes on
-where it stopped.
-
 On noise-free linear pendulums it is known which method is right and by how much, to the order of magnitude, the others
-are wrong. The sizes of wrong methods depend on phases and swell, so they are judged by their root mean square over
-several swells. On real pendulums a value is judged by its own sigma; a flag excuses no error.
+are wrong: by their root mean square over several swells, as it depends on phases. On real pendulums a value is judged
+by its own sigma; a flag excuses no error. With a folder: every point (CSV), a picture, and finished records.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -22,9 +17,9 @@ from typing import Any
 from pipeline.benchmarks.honesty import reduced
 from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.scenes import made, real_heave, resonant, swell, two_pendulums
-from pipeline.benchmarks.tables import Row, draws, kept, progress, rms, write
+from pipeline.benchmarks.tables import Row, kept, progress, rms, write
 from pipeline.methods import PAIR_METHODS
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend, panel, save, sheet
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, draws, legend, panel, save, sheet
 from pipeline.processing import process
 from synth import simulate
 
@@ -89,11 +84,7 @@ def kinds(*, quick: bool) -> list[Kind]:
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield a row a kind of record (error of each method, mGal), a row a refusal with its reason, and a row a method
-    (CPU time and errors over all records).
-
-    Quick: shorter records of real pendulums.
-    """
+    """Yield a row a kind (error of each method, mGal), a refusal, a method (CPU time, errors); quick: shorter."""
     points: list[Row] = []
     for kind in progress(kinds(quick=quick), "corrections"):
         rows = [{"case": kind.name} | row for row in measured(kind, SWELLS[0], METHODS, folder)]
@@ -134,11 +125,7 @@ def _compile(name: str) -> None:
 
 
 def judged(kind: Kind, rows: Sequence[Row], others: Sequence[Row]) -> Row:
-    """One record: the error of each method, those that are wrong and say nothing, whether the kind's pattern holds.
-
-    `rows` are of the record that is shown, one a method; `others` of records in other swells, by the methods that must
-    be wrong.
-    """
+    """Errors on the record that is shown, who is silently wrong, whether the pattern holds, `others` counted."""
     errors = {row["method"]: row["error_mgal"] for row in rows}
     silent = [row["method"] for row in rows if kind.real and row["method"] in HONEST and silently_wrong(row)]
     every = [*rows, *others]

@@ -1,10 +1,7 @@
 """Suite `film`: films of every kind exposed, read, and compared with their truth, beside what others read lines with.
 
-The first table: one row a film and reader; errors are normal to the line, px rms. The second: every promise. With a
-folder: a picture of the first table.
+One row a film and reader, errors normal to the line, px rms; then every promise. With a folder: a picture.
 """
-
-from __future__ import annotations
 
 import math
 import statistics
@@ -20,10 +17,10 @@ from data_schemas.errors import IsochronyError
 from data_schemas.scene import Scene, load_scene
 from data_schemas.scene_recording import Dimming, Film, Stretch
 from pipeline.benchmarks.film_scores import Truth, own_reading, peers
-from pipeline.benchmarks.tables import Row, at_least, at_most, draws, holds, not_measured, progress
+from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 from pipeline.conditions import MGAL
 from pipeline.film.digitise import digitise
-from pipeline.plots.canvas import PALETTE, panel, save, sheet
+from pipeline.plots.canvas import PALETTE, draws, panel, save, sheet
 from pipeline.processing import process
 
 GRAIN = 0.05
@@ -51,10 +48,7 @@ class Case(NamedTuple):
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield one row a film and reader, then one row a promise.
-
-    Quick: films of two minutes, the ends of each axis, and no promise that needs half an hour of film.
-    """
+    """Yield a row a film and reader, then a row a promise; quick: two minutes, ends of axes, none of half an hour."""
     with tempfile.TemporaryDirectory() as temporary:
         path = Path(temporary) / "case.film.tif"
         short = next(cases(_WARM_SECONDS, quick=True))  # no film is charged with what is compiled at first use
@@ -78,12 +72,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
 
 def rows_of(case: Case, path: Path) -> Iterator[Row]:
     """Rows of one film: the project's reading, then its peers."""
-    truth = _exposed(case.film, path, case.scene)
+    truth, scores, refusal = _read(case.film, path, case.scene)
     named = {"axis": case.axis, "value": case.value}
-    try:
-        scores, refusal = own_reading(path, truth, case.film.mark_interval), ""
-    except IsochronyError as fault:
-        scores, refusal = {}, str(fault)
     yield named | {"reader": "isochrony"} | NOTHING | scores | {"refused": refusal}
     for name, scores in peers(path, truth):
         yield named | {"reader": name} | NOTHING | scores | {"refused": ""}
@@ -164,10 +154,8 @@ def hard(path: Path) -> Iterator[Row]:
     """One row a hard film, and how many were read."""
     read = 0
     for name, film in progress(hard_films(HARD_SECONDS).items(), "hard films"):
-        truth = _exposed(film, path, scene(HARD_SECONDS))
-        try:
-            scores = own_reading(path, truth, film.mark_interval)
-        except IsochronyError:
+        _, scores, refusal = _read(film, path, scene(HARD_SECONDS))
+        if refusal:
             yield holds(f"{name}: refused", True, "read or refused")
             continue
         is_right = scores["wrong_unflagged"] <= MOST_WRONG and not scores["slipped"]
@@ -177,8 +165,13 @@ def hard(path: Path) -> Iterator[Row]:
     yield at_least("hard films that were read", read, 5)
 
 
-def _exposed(film: Film | str, path: Path, course: Scene) -> Truth:
-    return Truth.of(synth.expose(course, film, path, overwrite=True))
+def _read(film: Film, path: Path, course: Scene) -> tuple[Truth, Row, str]:
+    """Truth of a film that is exposed to a scene, and scores of its reading, or why there are none."""
+    truth = Truth.of(synth.expose(course, film, path, overwrite=True))
+    try:
+        return truth, own_reading(path, truth, film.mark_interval), ""
+    except IsochronyError as fault:
+        return truth, {}, str(fault)
 
 
 _LIMITS = (
@@ -201,11 +194,9 @@ def _accuracy(path: Path) -> Iterator[Row]:
         ("traces crossing, 8 mm apart", crossing(8.0), 0.78, 1000),
         ("traces crossing, resting at one place", crossing(0.0), 0.78, 1000),
     ):
-        truth = _exposed(film, path, scene(HALF_HOUR))
-        try:
-            scores = own_reading(path, truth, film.mark_interval)
-        except IsochronyError as fault:
-            yield holds(f"{words}: read ({fault})", False, "read")
+        _, scores, refusal = _read(film, path, scene(HALF_HOUR))
+        if refusal:
+            yield holds(f"{words}: read ({refusal})", False, "read")
             continue
         speeds.append(scores["mpx_s"])
         for what, score, limit, unit in _LIMITS:

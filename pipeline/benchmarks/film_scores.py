@@ -13,18 +13,16 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from itertools import permutations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from xarray import DataTree
 
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.benchmarks.tables import Row, rms, timed
 from pipeline.film.digitise import open_film, read
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WRONG = 1.0  # px off, normal to the line: five times the error that is promised
 _APART = 3.0  # px between lines beyond which it is told which is which
@@ -49,7 +47,7 @@ class Truth(NamedTuple):
     mark_time: Floats
 
     @classmethod
-    def of(cls, tree: xr.DataTree) -> Truth:
+    def of(cls, tree: DataTree) -> Truth:
         """Of the film-truth."""
         slices, marks = tree["slices"].dataset, tree["marks"].dataset
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)
@@ -69,10 +67,7 @@ def order(position: Floats, truth: Truth) -> list[int]:
 
 
 def places(position: Floats, flagged: Flags | None, truth: Truth) -> Row:
-    """Errors of the rows' readings, normal to the line, px; readings in the order of the traces they follow.
-
-    Both arrays are (traces, rows): NaN where nothing was read, and flagged where the reader says that it may be wrong.
-    """
+    """Errors of readings (traces, rows), NaN = none, normal to the line, px; flagged: those the reader doubts."""
     column, slope = truth.column, truth.slope
     lit = np.isfinite(column)
     error = (position - column) / np.hypot(1.0, slope)
@@ -138,12 +133,9 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
 
 
 def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> Row:
-    """Scores of a film read as `digitise` does, with its description beside it; and Mpx a CPU second.
+    """Scores of a film read as `digitise` does, and Mpx a CPU second; `IsochronyError` where it declines.
 
-    A time axis that found no minute's code counts from an arbitrary mark, and says so: it is right up to a shift by
-    whole marks. One that shifts on the way has slipped.
-
-    `IsochronyError` where it declines.
+    A time axis without a minute's code is right up to a shift by whole marks; one that shifts on the way has slipped.
     """
     (found, _), spent = timed(partial(read, path))
     names = order(found.tracks.position, truth)

@@ -1,18 +1,17 @@
 """Suite `honesty`: records of every kind and strength by the methods named; does the stated uncertainty hold?
 
-With a folder: its tables and a row a record (CSV), a picture a method, and the finished records, so that a run that was
-interrupted goes on where it stopped.
+With a folder: a row a record (CSV), a picture a method, and finished records, from which an interrupted run goes on.
 """
-
-from __future__ import annotations
 
 import math
 import time
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.benchmarks.kinds import INSTRUMENT, KINDS, SEA, STRENGTHS
@@ -20,10 +19,6 @@ from pipeline.benchmarks.plain import gravity_at
 from pipeline.benchmarks.records import Made, record
 from pipeline.benchmarks.tables import Row, at_most, kept, progress, rms, write
 from pipeline.plots.canvas import save, sheet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import DataTree
 
 EXACT = 1e-3  # mGal; a smaller error is right whatever sigma says
 _95 = 1.96  # sigma
@@ -174,17 +169,11 @@ def run(
 
 def _one(kind: str, strength: str, seed: int, methods: Sequence[str], folder: Path | None) -> list[Row]:
     """Rows of one record, by each method; the record is made only if some method has not seen it."""
-    made: list[Made] = []
-    rows = []
+    made, rows = cache(lambda: record(kind, strength, seed, duration=DURATION)), list[Row]()
     for method in methods:
         what = {"method": method, "kind": kind, "strength": strength, "seed": seed}
-
-        def make(what: Row = what) -> list[Row]:
-            if not made:
-                made.append(record(kind, strength, seed, duration=DURATION))
-            return [what | reduced(made[0], what["method"])]
-
-        rows += kept(folder, {"suite": "honesty", "duration": DURATION, **what}, make)
+        configuration = {"suite": "honesty", "duration": DURATION, **what}
+        rows += kept(folder, configuration, partial(lambda each: [each | reduced(made(), each["method"])], what))
     return rows
 
 
@@ -210,7 +199,7 @@ def draw(table: Sequence[Row], method: str, path: Path) -> None:
     save(figure, path)
 
 
-def _draw_cells(axes: Axes, kinds: Sequence[str], height: int, cells: dict[tuple[str, str], Row]) -> None:
+def _draw_cells(axes: Any, kinds: Sequence[str], height: int, cells: dict[tuple[str, str], Row]) -> None:
     """One column of the picture: a line a kind, a cell a strength."""
     for down, kind in enumerate(kinds):
         for across, strength in enumerate(STRENGTHS):

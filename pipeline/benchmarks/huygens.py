@@ -1,10 +1,7 @@
 """Suite `huygens`: the paper's regime by four ways, what locks, and what holds of the paper.
 
-With a folder: pictures (PNG) of Fig. 2 redrawn and of the lock map, and the finished rows of the map, so that a run
-that was interrupted goes on where it stopped.
+With a folder: Fig. 2 redrawn, the lock map, and its finished rows, from which an interrupted run goes on.
 """
-
-from __future__ import annotations
 
 import math
 import time
@@ -16,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.benchmarks.tables import Row, draws, kept, progress
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, legend, panel, save, sheet
+from pipeline.benchmarks.tables import Row, kept, progress
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, VERMILION, draws, legend, panel, save, sheet
 from synth.huygens.balance import Regime, solutions
 from synth.huygens.clocks import Clocks
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slope, stability
@@ -47,10 +44,7 @@ _WAYS: dict[str, dict[str, Any]] = {
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield beta, q, tau and k a way and alpha, the edge of locking a tau, and in words what holds.
-
-    Quick: three alphas, a map of 12 x 12 instead of 64 x 64.
-    """
+    """Yield the regime a way and alpha, the edge of locking a tau, and what holds; quick: three alphas, a small map."""
     curves = rows(ALPHAS[2::4] if quick else ALPHAS)
     yield from curves
     size = QUICK if quick else FULL

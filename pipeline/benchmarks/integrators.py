@@ -1,15 +1,10 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, and bars.
 
 Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
-longer than a few seconds is timed once, and whoever takes longer than twenty in the run that gives the answer. Bars:
-times faster than peers at equal or smaller error, on points of one run. With a folder: a picture.
-
-Peers are general integrators, each by its fastest face. Every right-hand side is compiled by Numba (heyoka's from
-formulas); Jacobians are given to whoever takes them. None of these libraries is needed to use the package; they are the
-extra `peers`.
+longer than a few seconds is timed once. Bars: times faster than peers at equal or smaller error, on points of one run.
+Peers (the extra `peers`) are general integrators, each by its fastest face: right-hand sides compiled by Numba
+(heyoka's from formulas), Jacobians for whoever takes them. With a folder: a picture.
 """
-
-from __future__ import annotations
 
 import math
 import statistics
@@ -23,8 +18,8 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.benchmarks.problems import CLOSED, OWN, PICARD, Answer, Call, Make, Problem, raced
 from pipeline.benchmarks.references import Reference, reference, taylor
-from pipeline.benchmarks.tables import RATIO, Row, at_least, draws, not_measured, progress, rounds, timed
-from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, legend, panel, save, sheet
+from pipeline.benchmarks.tables import RATIO, Row, at_least, not_measured, progress, rounds, timed
+from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, draws, legend, panel, save, sheet
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian
 
@@ -115,10 +110,7 @@ def scipy(problem: Problem, tolerance: float) -> Call:
 
 
 def cvode(problem: Problem, tolerance: float) -> Call:
-    """SUNDIALS CVODE by scikit-sundae, its stiff method with the Jacobian, the constants compiled into both.
-
-    It counts the arguments of what it calls: no compiled function shows them.
-    """
+    """SUNDIALS CVODE, its stiff method with the Jacobian; it counts arguments, which no compiled function shows."""
     from numba import njit
     from sksundae.cvode import CVODE
 
@@ -165,10 +157,7 @@ _LEAST_ERROR = 1e-17
 
 
 def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
-    """Yield two kinds of rows: work-precision with the propagators' own estimates, and bars.
-
-    Quick: a tenth as long, fewer tolerances.
-    """
+    """Yield work-precision with the propagators' own estimates, and bars; quick: a tenth as long, fewer tolerances."""
     races: dict[str, list[Row]] = {}
     for name, problem in raced(quick=quick).items():
         races[name] = sweep(problem, reference(problem), quick=quick)

@@ -14,8 +14,6 @@ and before (24) `(n1-n2) xi/g`, whose part that turns with the pendulum is `(Z1'
 drops psi1-psi2 after (18), damping and the finite arc throughout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

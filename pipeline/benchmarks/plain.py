@@ -8,18 +8,14 @@ and Wanner, Solving Ordinary Differential Equations I, II.9). The support's moti
 JONSWAP form, single lines of machinery) and of slow pulses.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Complexes, Floats
 from synth.kernels.compiled import kernel
 
-Complexes = NDArray[np.complex128]
-Floats = NDArray[np.float64]
 _HARMONICS = 48
 _LOW, _HIGH = 0.6, 2.6
 """Of the peak's frequency: below there is nothing; depth, or a hull longer than the waves, cuts above."""
@@ -185,10 +181,7 @@ def integrate(times: Floats, start: Floats, own: Pendulums, support: Support, ki
 
 
 def forced(own: Pendulums, support: Support) -> Floats:
-    """Elongation and rate at t = 0 of small forced oscillations, (pendulums, 2).
-
-    A pendulum released at rest in a swell would carry another free harmonic of the swell's size.
-    """
+    """Elongation and rate at t = 0 of small forced oscillations, (pendulums, 2): rest would add a free one."""
     rate, across = support.rate, support.across
     square = support.gravity[0] / own.length[:, None]
     answer = -across / own.length[:, None] / (square - rate**2 + 2j * own.damping[:, None] * rate)

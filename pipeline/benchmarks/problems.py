@@ -1,7 +1,5 @@
 """Initial value problems: a system, its start and the instants to read at; those on which integrators are compared."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -75,10 +73,7 @@ def raced(*, quick: bool) -> Mapping[str, Problem]:
 
 
 def hour(seconds: int = HOUR, *, linear: bool = True) -> Problem:
-    """Two pendulums under 33 harmonics, 20 readings a second; with the sine, under 33 vertical harmonics too.
-
-    Swell of 4 to 20 s and one harmonic near the pendulums' own frequency.
-    """
+    """Two pendulums under 33 harmonics of 4 to 20 s, one near their own; with the sine under 33 vertical ones too."""
     frequency = 2.0 * np.pi / np.array([1.0099, 1.01])
     swell = _sea(33, 0.03)
     swell.rate[-1], swell.amplitude[-1] = frequency[0] - 2.0 * 0.026, 4e-4

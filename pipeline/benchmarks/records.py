@@ -3,24 +3,21 @@
 What instrument and reading make of elongations comes first: each fault a few lines, in the order of nature.
 """
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from xarray import Dataset, DataTree
 
 from data_schemas.contents import identifier
+from data_schemas.layouts import root_attributes
+from data_schemas.variables import attributes, dataset
+from pipeline.arrays import Floats
 from pipeline.benchmarks import plain
 from pipeline.benchmarks.kinds import MIXABLE, Case, case_of
-from pipeline.benchmarks.plain import Floats
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
 
 _BURST = 2.0  # s
 _BAD = 3e-3  # rad: outliers and bursts
@@ -34,10 +31,7 @@ Random = np.random.Generator
 
 
 def read(traces: Floats, tilt: Floats, times: Floats, case: Case, random: Random) -> tuple[Floats, Floats]:
-    """Traces as they are read, NaN where nothing is; and the tilt of the case, rad.
-
-    Of elongations (traces, samples) of the first pendulum and the differences, rad, and the case's tilt but its roll.
-    """
+    """Traces (traces, samples) as they are read, rad, NaN where nothing is; and the case's tilt with its roll, rad."""
     # gains and zeros
     out = (traces + case.cubic * traces**3) * (1.0 + case.gain_all * random.choice([-1, 1]))
     later = times > case.duration * random.uniform(0.3, 0.7)
@@ -90,10 +84,7 @@ class Made(NamedTuple):
 
 
 def record(kind: str, strength: str, seed: int, *, duration: float | None = None) -> Made:
-    """Make the record of that kind, strength ("weak", "middle", "strong") and number; always the same.
-
-    With a duration, s, instead of the kind's own if that is given.
-    """
+    """The record of that kind, strength and number, always the same; of another duration, s, if one is given."""
     digest = hashlib.sha256(f"{kind}/{strength}/{seed}".encode()).digest()
     random = np.random.default_rng(np.frombuffer(digest, dtype="<u4"))
     case = case_of(kind, strength)
@@ -211,7 +202,7 @@ def _swing(
         return np.stack([size * np.cos(angle), -frequency * size * np.sin(angle)], axis=1)
 
     first = min(int(np.searchsorted(times, case.released)), times.size // 4)  # before anything else happens
-    state = plain.forced(own, support) + free(sizes, phase[:count])
+    state: Floats = plain.forced(own, support) + free(sizes, phase[:count])
     if first:
         state = np.stack([sizes * np.cos(phase[:count]), np.zeros(count)], axis=1)
     strength = np.array([*case.kicks, case.kicks[0]])[:count] * frequency
@@ -230,11 +221,6 @@ def _tree(
     case: Case, random: Random,
 ) -> DataTree:  # fmt: skip
     """The record in its layout, with what it states."""
-    import xarray as xr
-
-    from data_schemas.layouts import root_attributes
-    from data_schemas.variables import attributes, dataset
-
     count = frequency.size
     labels = {"pendulum": [str(k + 1) for k in range(count)]}
     traces_of = {"trace": ["1", *(f"{k}-{k + 1}" for k in range(1, count))]}
@@ -257,8 +243,8 @@ def _tree(
     reference = {"reference": "case"} if (case.tilt or case.follows) and case.states_tilt else {}
     root = root_attributes("record", identifier(label), title=f"benchmark record {label}", history="", source="model")
     groups = {
-        "/": xr.Dataset(coords={"time": ("time", times, attributes("time"))}, attrs=root),
+        "/": Dataset(coords={"time": ("time", times, attributes("time"))}, attrs=root),
         "/record": dataset("record", angles, traces_of | labels).assign_attrs(reference),
         "/instrument": dataset("instrument", instrument, labels).assign_attrs(law),
     }
-    return xr.DataTree.from_dict(groups)
+    return DataTree.from_dict(groups)

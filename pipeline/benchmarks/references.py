@@ -1,15 +1,11 @@
 """What the problems' errors are measured against: another method, and tighter.
 
-Extreme motions: closed forms in many digits (mpmath). Problems on which integrators are compared: Taylor integration
-in 80-bit arithmetic at 1e-18 (heyoka); where heyoka is not installed, one of the project's own integrators at its
-tightest; the row says which.
+Extreme motions: closed forms in many digits (mpmath). Problems of integrators: Taylor integration in 80-bit arithmetic
+at 1e-18 (heyoka), or an own integrator at its tightest where heyoka is not installed; the row says which.
 
 A swing moves by 1e-12 in an hour's last half bit of time: answers are compared at those readings alone whose instants
-are doubles exactly, every fifth of those at 20 a second. Equations are given to heyoka in numbers of 80 bits, so that
-products of constants are rounded once, in the integration's arithmetic.
+are doubles exactly. Equations are given to heyoka in 80 bits, so that products of constants are rounded once.
 """
-
-from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterable, Sequence

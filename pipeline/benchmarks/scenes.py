@@ -1,7 +1,5 @@
 """The benchmarks' own scenes, two pendulums in a seaway, one function a kind; what methods make of their records."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,12 +1,9 @@
 """Suite `stability`: every propagator on every extreme motion.
 
-A motion with its error, or refused with a named reason, never silently wrong. Who may refuse is written down
-beforehand: the propagators that `solvers` names must meet their bound; any other may decline, but not be wrong. Truth
-is a closed form, an elliptic function in 40 digits, or a different propagator at a tighter tolerance; `source` says
-which. Records at the edge of what can be reduced are kinds of the suite `honesty`.
+A motion with its error, or refused with a named reason, never silently wrong. The propagators that `solvers` names must
+meet their bound; any other may decline, but not be wrong. Truth is a closed form, an elliptic function in 40 digits, or
+a different propagator at a tighter tolerance; `source` says which.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -246,10 +243,7 @@ def judge(motion: Motion, found: Mapping[Propagator, Found]) -> Row:
 
 
 def error_of(motion: Motion, name: Propagator, angles: Floats) -> tuple[float, float]:
-    """Largest error relative to the largest true angle of its pendulum, and how far the truth itself may be off.
-
-    An angle that stays zero counts in rad.
-    """
+    """Largest error over its pendulum's largest true angle (rad where that is 0), and how far off the truth may be."""
     rows = np.unique(np.linspace(0, motion.count - 1, min(motion.count, MOST)).astype(np.int64))
     if motion.true is not None:
         true, doubt = motion.true([motion.step * row for row in rows.tolist()]), motion.apart

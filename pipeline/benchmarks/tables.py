@@ -1,20 +1,13 @@
-"""A suite's rows: bars (promised, measured, allowed, held or not), files, a progress bar, points that are kept, times;
-the history of ratios of processor times, run after run, and its picture.
+"""A suite's rows: bars, files, a progress bar, points that are kept, times; the history of ratios, and its picture.
 
-A finished point is found again by what it is and by what computed it: the hash of its configuration and of every source
-that may move its numbers. An interrupted run goes on where it stopped; changed code is computed anew, never mixed with
-old results.
-
-Processor time is measured so that it can be compared: warm, rivals taking turns in one run, medians with ranges.
+A finished point is found again by its configuration and by every source that may move its numbers: an interrupted run
+goes on, and changed code is computed anew. Times are of the processor, warm, of rivals that take turns in one run.
 """
-
-from __future__ import annotations
 
 import contextlib
 import csv
 import functools
 import hashlib
-import importlib.util
 import io
 import json
 import math
@@ -23,16 +16,17 @@ import platform
 import statistics
 import subprocess
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
+from tqdm import tqdm
 
 from data_schemas.errors import FileError, UsageError
 from data_schemas.writing import write_text
-from pipeline.plots.canvas import GREY, PALETTE, color_of, legend, panel, save, sheet
+from pipeline.plots.canvas import GREY, PALETTE, color_of, draws, legend, panel, save, sheet
 from pipeline.provenance import versions
 from synth.kernels.cache import PACKAGES, ROOT
 
@@ -56,16 +50,9 @@ def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
     write_text(stream.getvalue(), path, overwrite=True)
 
 
-def draws() -> bool:
-    """Whether pictures can be drawn: matplotlib is an extra."""
-    return importlib.util.find_spec("matplotlib") is not None
-
-
-def progress(items: Iterable[Item], what: str) -> Iterator[Item]:
-    """Pass items on; draw a bar if stderr is a terminal."""
-    from tqdm import tqdm
-
-    yield from tqdm(items, desc=what, disable=None, leave=False)
+def progress(items: Iterable[Item], what: str) -> Iterable[Item]:
+    """Items with a bar that is drawn if stderr is a terminal."""
+    return cast("Iterable[Item]", tqdm(items, desc=what, disable=None, leave=False))
 
 
 def at_most(bar: str, value: float, limit: float, unit: str = "") -> Row:
@@ -136,11 +123,7 @@ def _spent() -> float:
 
 
 def rounds(calls: Mapping[str, Call], repeats: int = 5, batch: int = 1) -> dict[str, list[float]]:
-    """Times of rivals that take turns in `repeats` rounds, s a call: a busy machine slows all of them alike.
-
-    One call of each goes before and is not counted. `batch` calls of a rival follow each other within a round, for
-    calls of a few ms.
-    """
+    """Times of rivals that take turns in `repeats` rounds, s a call, after one that is not counted; `batch` at once."""
     for call in calls.values():
         call()
     taken: dict[str, list[float]] = {name: [] for name in calls}
@@ -163,10 +146,7 @@ def times(bar: str, own: Sequence[float], rival: Sequence[float], limit: float |
 
 
 def command(*words: str, **environment: str) -> Call:
-    """A call that runs a program from start to exit with the packages of this tree, and gives its output.
-
-    `CalledProcessError` where the program fails: its time would mean nothing.
-    """
+    """A call that runs a program with this tree's packages, for its output; `CalledProcessError` if it fails."""
     given = tree_environment() | environment
     return lambda: subprocess.run(words, env=given, check=True, capture_output=True, text=True).stdout
 

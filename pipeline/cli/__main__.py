@@ -1,7 +1,5 @@
 """`python -m pipeline.cli`: the command line where no entry script was installed."""
 
-from __future__ import annotations
-
 import sys
 
 from pipeline.cli.main import main

@@ -1,7 +1,5 @@
 """`isochrony benchmark`: the measured claims of the project, one suite at a time."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 from itertools import groupby
@@ -9,60 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from data_schemas.errors import UsageError
-from pipeline.cli.parser import one_of, positive
+from pipeline.benchmarks import tables
+from pipeline.cli.parser import one_of
+from pipeline.cli.process import requested_methods
 from pipeline.cli.tables import print_json, print_table
 
-SUITES = {
-    "corrections": "what every method leaves (mGal) and costs, on every kind of record; -o resumes",
-    "paper": "the source paper's own figures, reproduced",
-    "stability": "propagators on extreme motions: solved within a bound, or refused by name",
-    "honesty": "74 kinds of disturbance, weak to strong: whether the stated uncertainty holds; -o resumes",
-    "integrators": "propagators against general integrators: time and error",
-    "film": "films read: error, flags, speed against grain, drive, dpi, crossings, missing marks; simple readers too",
-    "huygens": "clocks on a beam: the paper's regime by every way, lock map, what holds; -o resumes",
-    "batch": "a record's cost in a batch beside a bare loop, one process and two",
-    "bars": "promised accuracy, statistics and cost: bar, value, limit, pass",
-}
-_LISTED = "\n".join(f"  {name:<12} {text}" for name, text in SUITES.items())
-
-HELP = "measured claims, suite by suite"
-DESCRIPTION = f"""\
-Run a suite of benchmarks on scenes of the project's own and print its rows.
-
-Times are processor times: rivals take turns, medians are printed with their ranges. Ratios are appended, with date,
-machine and versions, to a history, which is drawn beside it: history.jsonl and history.png in the folder of -o, or
-the FILE of --history and its PNG.
-
-suites:
-{_LISTED}"""
-
-EXAMPLES = """\
-examples:
-  isochrony benchmark corrections --quick
-  isochrony benchmark corrections -o out/      tables, pictures; run again, it goes on where it was interrupted
-  isochrony benchmark honesty --method auto,general --kind gap --seeds 3 -o out/
-  isochrony benchmark bars --json > bars.jsonl
-
-exit status: 0; 1 if some rows do not pass and some do; 3 if none passes"""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.add_argument("suite", metavar="SUITE", type=one_of("suite", SUITES), help=", ".join(SUITES))
-    parser.add_argument("--quick", action="store_true", help="fewer and shorter records")
-    parser.add_argument("--json", action="store_true", help="JSON Lines instead of a table")
-    parser.add_argument("-o", dest="out", metavar="FOLDER", help="keep its tables and pictures (created if absent)")
-    parser.add_argument("--history", metavar="FILE", help="history of ratios (default history.jsonl in the folder)")
-    own = parser.add_argument_group("suite honesty")
-    own.add_argument("--method", metavar="NAME[,NAME]", help="methods to reduce by (default auto)")
-    own.add_argument("--kind", metavar="TEXT", help="only kinds with TEXT in their name, or of group sea or instrument")
-    own.add_argument("--seeds", metavar="N", type=positive("--seeds"), help="records of each kind (default 5)")
+SUITES = (
+    "corrections", "paper", "stability", "honesty", "integrators", "film", "huygens", "batch", "bars",
+)  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the suite; rows with a key `pass` decide the exit status."""
-    from pipeline.benchmarks import tables
-
+    one_of("suite", SUITES)(options.suite)
     folder = None if options.out is None else Path(options.out)
     if folder is not None and folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder}: is a file, but -o must be a folder here; name another")
@@ -94,8 +51,6 @@ def run(options: argparse.Namespace) -> int:
 
 def _own(options: argparse.Namespace) -> dict[str, Any]:
     """Arguments that the suite `honesty` alone takes."""
-    from pipeline.cli.process import requested_methods
-
     given = {name: value for name in ("method", "kind", "seeds") if (value := getattr(options, name)) is not None}
     if given and options.suite != "honesty":
         raise UsageError(f"--{next(iter(given))} is of the suite honesty; drop it for {options.suite}")

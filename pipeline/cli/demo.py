@@ -1,52 +1,28 @@
 """`isochrony demo`: a ship record made, processed by every method and compared with the truth."""
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from xarray import DataTree
 
 import data_schemas
 import synth
 from data_schemas.errors import FileError, UsageError
-from pipeline.cli.parser import whole_number
+from pipeline.cli.parser import page
 from pipeline.cli.tables import columns, print_header, print_row, print_text
 from pipeline.methods import DECLARED, METHODS
-
-if TYPE_CHECKING:
-    from xarray import DataTree
+from pipeline.processing import process
+from pipeline.summary import summaries
 
 _MILLIGAL = 1e-5  # m s-2
 _WARM = 60.0  # s
 
-HELP = "see it work: simulate, process, compare, draw"
-DESCRIPTION = """\
-Simulate a scene that ships with the package (real pendulums in a heaving submarine, noisy readings), process the
-record by every method, and compare with the truth: the paper's formulas beside the corrected formula, the exact
-inversion and the joint fit.
-
-Prints one row a method: gravity in m/s2, its error and its sigma in mGal (1e-5 m/s2), the run time in ms.
-Writes demo.record.nc, demo.truth.nc, demo.result.nc and the picture isochrony-demo.png into a folder; run
-again, it overwrites these files."""
-
-EXAMPLES = """\
-examples:
-  isochrony demo
-  isochrony demo -o /tmp/look --seed 3"""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.add_argument("-o", dest="out", default="isochrony-demo", metavar="FOLDER", help="default isochrony-demo")
-    parser.add_argument("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
-
 
 def run(options: argparse.Namespace) -> int:
     """Simulate, process, print and draw."""
-    from pipeline.processing import process
-    from pipeline.summary import summaries
-
     folder = _folder(options.out)
     scene = data_schemas.load_scene(synth.scene_path("demo"))
     if options.seed is not None:
@@ -63,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"true gravity {gravity:.8f} m/s2; {(time[-1] - time[0]) / 60.0:.0f} minutes, {time.size} samples\n")
     _print_table(summaries(result), gravity)
     print()
-    print_text(f"{_alone(result)} {_EXPLANATION}", 0)
+    print_text(f"{_alone(result)} {page('demo')['explanation']}", 0)
     if importlib.util.find_spec("matplotlib") is None:
         print(f"no picture: matplotlib is not installed (pip install 'isochrony[plot]'); files in {folder}")
         return 0
@@ -73,13 +49,6 @@ def run(options: argparse.Namespace) -> int:
     save(demo_figure(record, result, gravity), folder / "isochrony-demo.png")
     print(f"picture: {folder / 'isochrony-demo.png'}")
     return 0
-
-
-_EXPLANATION = (
-    "The difference of two pendulums in one frame sheds the ship's motion; what is left of it, as their periods "
-    "differ, is the non-isochronism that the paper's formula (27) removes. Real arcs and the ship's acceleration "
-    "shift the period as well: only `general`, `shooting` and `joint` reduce them."
-)
 
 
 def _folder(name: str) -> Path:
@@ -119,8 +88,6 @@ def _print_table(rows: list[dict[str, Any]], gravity: float) -> None:
 
 def _alone(result: DataTree) -> str:
     """Say what one pendulum by itself would have shown: its phase speed from moment to moment, as gravity."""
-    import numpy as np
-
     from pipeline.plots.result import best_method, of_method
 
     phases, best = result["phases"].dataset, best_method(result) or "uncorrected"

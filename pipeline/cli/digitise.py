@@ -12,70 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from data_schemas.errors import IsochronyError, RefusedError, UsageError, naming
 from pipeline.cli.files import exit_status, outcome_of, place, refuse_clashes, stem, store
-from pipeline.cli.parser import add_meaning_options, number, one_of, pairs, periods, whole_number
+from pipeline.cli.parser import pairs, periods
 from pipeline.cli.tables import complain, print_json, progress
 
 if TYPE_CHECKING:
     from data_schemas.film_description import FilmDescription
     from pipeline.film.knowledge import FilmOptions, Known
     from pipeline.film.reading import Reading
-
-HELP = "read photographic films into records"
-DESCRIPTION = """\
-Read photographic films into records (netCDF): traces followed through crossings and gaps, time from the
-chronometer's marks, angles in rad with their uncertainty and flags.
-
-A film is one image (TIFF, PNG, JPEG; 8 or 16 bit; either way round; lines dark or light), or with --strips
-several overlapping images of one film, in order. Large films should be TIFF: they are read piece by piece.
-What is known of the film stands in NAME.film.toml beside it, or is said by options, which come first; all may
-be left out but what several traces need for gravity (--period and --gravity). A lever or mark interval that
-nobody states is assumed, and said so."""
-
-EXAMPLES = """\
-examples:
-  isochrony digitise ship.film.tif                         ship.record.nc
-  isochrony digitise scan.png --dpi 300 --trace 1 --trace 1-2 --lever 2000
-                     --period 1=1.0099 --period 2=1.0100 --gravity 9.81
-  isochrony digitise a.tif b.tif c.tif --strips -o ship.record.nc --preview
-  isochrony digitise ship.film.tif --table                 look at it and correct it in the browser
-  isochrony digitise ship.film.tif --edits                 the same corrections again: ship.edits.toml"""
-
-_NUMBERS = (
-    ("--dpi", "N", "pixels per inch, where the image does not say or is wrong"),
-    ("--mark-interval", "S", "time between the chronometer's marks (assumed 0.5)"),
-    ("--speed", "MM_S", "nominal speed of the film"),
-    ("--rate", "HZ", "samples a second, continuous (default up to 25)"),
-)
-_CHOICES: tuple[tuple[str, str, str, str, str | None, str], ...] = (
-    ("--marks", "kind of marks", "double long omitted none", "CODE", None, "at each full minute the shutter closes "
-     "twice (double), for longer (long), not at all (omitted) or as ever (none); default: what repeats every minute"),
-    ("--orientation", "orientation", "auto 0 90 180 270", "DEGREES", "auto",
-     "turn the image clockwise so that time runs down: auto (default; the long side), 0, 90, 180 or 270"),
-    ("--lines", "kind of lines", "auto dark light", "TONE", "auto",
-     "dark on light film, light on dark, or auto (default)"),
-    ("--reading", "reading", "auto continuous strobe", "HOW", "auto",
-     "continuous (between the marks), strobe (at the marks alone) or auto (default)"),
-)  # fmt: skip
-"""Option, what it is called, its values, metavar, default, help."""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("films", metavar="FILM", nargs="*", help="image of a film")
-    add("--strips", action="store_true", help="the images are overlapping strips of one film, in order")
-    add("-o", dest="out", metavar="PATH", help="record file, or folder for several films; default beside the film")
-    add("--from", dest="start", metavar="S|ROWpx", help="first moment of the record, s; or, as 1200px, first row read")
-    add("--to", dest="stop", metavar="S|ROWpx", help="last moment, or row")
-    add("--table", action="store_true", help="open a page in the browser where readings are looked at and corrected")
-    add("--port", type=whole_number("--port", 0, 65535), default=0, metavar="N", help="of the page (default any)")
-    add("--no-browser", action="store_true", help="print the page's address alone (through an SSH tunnel)")
-    add("--by", metavar="NAME", help="who edits (default the user's name)")
-    add("--force", action="store_true", help="overwrite existing outputs")
-    add("--preview", action="store_true", help="draw what was read where (NAME.film.png beside the record)")
-    add("--json", action="store_true", help="JSON Lines instead of text")
-    add_reading_options(parser)
-    add_meaning_options(parser, "optical lever (assumed 2000)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -193,30 +136,15 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
         print(f"{row['output']}: {told}, {part}, {row['reading']}; {flags}", flush=True)
 
 
-def add_reading_options(parser: Any) -> None:
-    """List the options of reading a film."""
-    add = parser.add_argument
-    add("--description", metavar="FILE", help="what is known of the film (TOML; default NAME.film.toml beside it)")
-    for option, name, text in _NUMBERS:
-        add(option, type=number(option, above=0.0), metavar=name, help=text)
-    trace = "trace and its pendulums, from the left to the right at rest; repeatable"
-    add("--trace", action="append", default=[], metavar="NAME[:A[-B]]", help=trace)
-    for option, what, values, name, default, text in _CHOICES:
-        add(option, type=one_of(what, values.split()), default=default, metavar=name, help=text)
-    edits = "apply a person's edits (default NAME.edits.toml beside the film)"
-    add("--edits", nargs="?", const="", metavar="FILE", help=edits)
-    jobs = "processor cores to use, 1 (default) to 64"
-    add("--jobs", type=whole_number("--jobs", 1, 64), default=1, metavar="N", help=jobs)
-
-
 def film_options(options: argparse.Namespace) -> FilmOptions:
     """What the options say of the film, as the reader and `make_record` take it."""
     from pipeline.film.knowledge import FilmOptions
 
     names = ["lever", "gravity", "mark_interval", "marks", "speed", "dpi", "orientation", "lines", "reading", "rate"]
-    given = {name: getattr(options, name) for name in names}
-    combinations = pairs("digitise", "--combination", options.combination)
-    labelled = periods("digitise", options.period)
+    said = vars(options)  # a picture is in px: it wants neither lever nor periods
+    given: dict[str, Any] = {name: said.get(name) for name in names}
+    combinations = pairs("digitise", "--combination", said.get("combination", ()))
+    labelled = periods("digitise", said.get("period", ()))
     return FilmOptions(traces=tuple(options.trace), combinations=combinations, periods=labelled, **given)
 
 

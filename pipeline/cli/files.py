@@ -53,10 +53,7 @@ def exit_status(good: int, total: int) -> int:
 
 
 def read_checked(path: Path, kind: Kind) -> DataTree:
-    """Read a file and check it against the layout of its kind.
-
-    `FileError` where it cannot be read; `RecordError` where it is of another kind, or breaks its layout.
-    """
+    """Read a file of a kind; `FileError`: it cannot be read; `RecordError`: another kind, or a broken layout."""
     tree = data_schemas.read(path)
     if REWRITTEN in tree.attrs:
         complain(f"{path}: was written again {tree.attrs[REWRITTEN]}")

@@ -4,8 +4,6 @@
 3 no input usable; 70 internal error; 130 interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import errno
@@ -14,46 +12,23 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
 from data_schemas.shield import bounded
-from pipeline.cli import simulate, small
-from pipeline.cli.parser import Parser, did_you_mean
+from pipeline.cli.parser import Parser, did_you_mean, page, parser_of
 from pipeline.cli.tables import Printable, complain
 from synth.kernels import cache
 
-_NAMES = (
-    "demo", "simulate", "process", "expose", "digitise", "batch", "benchmark", "plot", "import", "join", "validate",
-    "schema", "explain", "warm",
-)  # fmt: skip
-_SMALL: dict[str, Any] = {**small.VERBS, "expose": simulate.EXPOSE}
 _VERBS = {
-    name: _SMALL.get(name) or import_module(f"pipeline.cli.{'import_csv' if name == 'import' else name}")
-    for name in _NAMES
-}
+    "demo": "demo.run", "simulate": "simulate.run", "process": "process.run", "expose": "simulate.expose",
+    "digitise": "digitise.run", "batch": "batch.run", "benchmark": "benchmark.run", "plot": "plot.run",
+    "import": "small.import_table", "join": "small.join", "validate": "small.validate", "schema": "small.schema",
+    "explain": "small.explain", "warm": "small.warm",
+}  # fmt: skip
+"""Module and function of each."""
 _READERS = ("process", "plot", "validate", "digitise", "import", "join")
 _MOST_HELD, _PER_BYTE = 4 << 30, 50  # bytes; of the inputs
 """What reads files of anybody's making in this process, and what that may hold; batch has processes for them."""
-
-_DESCRIPTION = """\
-Gravity from pendulum records made at sea: simulate them, process them, compare the methods.
-
-SI units and radians throughout; gravity in m/s2, its errors in mGal (1 mGal = 1e-5 m/s2),
-periods are full periods."""
-
-_EXAMPLES = """\
-examples:
-  isochrony demo                                 a ship record made and processed, with a table and a picture
-  isochrony simulate ship.toml                   ship.record.nc and ship.truth.nc
-  isochrony process ship.record.nc               gravity, and ship.result.nc beside the record
-  isochrony batch cruises/ -o results            the same for thousands, unattended
-  isochrony expose ship.record.nc --film typical ship.film.tif, as a camera would have made it
-  isochrony import swing.csv --period 1.029 --gravity 9.81
-  isochrony plot ship.result.nc -o ship.png
-
-exit status: 0 all good; 1 some inputs failed or were refused, some good; 2 usage, configuration or scene;
-3 no input usable; 70 internal error; 130 interrupted"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,21 +64,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _dispatch(words: list[str]) -> int:
-    top = Parser(prog="isochrony", description=_DESCRIPTION, epilog=_EXAMPLES)
+    if words and words[0] in _VERBS:
+        return _run(*words)
+    if words and not words[0].startswith("-"):
+        raise UsageError(f"unknown verb '{words[0]}'{did_you_mean(words[0], _VERBS)}")
+    own = page("isochrony")
+    top = Parser(prog="isochrony", description=own["description"], epilog=own["examples"])
     top.add_argument("-V", "--version", action="store_true", help="print the version and leave")
     verbs = top.add_subparsers(title="verbs", metavar="VERB", dest="verb")
-    parsers: dict[str, Parser] = {}
-    for name, module in _VERBS.items():
-        parsers[name] = verbs.add_parser(name, help=module.HELP, description=module.DESCRIPTION, epilog=module.EXAMPLES)
-        module.add_options(parsers[name])
-    if words and words[0] in parsers:
-        options = parsers[words[0]].parse_strictly(words[1:])
-        cache.WATCHERS[:] = [_say_compiling]
-        with bounded(_allowed(options) if words[0] in _READERS else None):
-            status: int = _VERBS[words[0]].run(options)
-        return status
-    if words and not words[0].startswith("-"):
-        raise UsageError(f"unknown verb '{words[0]}'{did_you_mean(words[0], parsers)}")
+    for name in _VERBS:
+        verbs.add_parser(name, help=page(name)["help"])
     options, left = top.parse_known_args(words)
     top.refuse(left)
     if options.version:
@@ -114,7 +84,17 @@ def _dispatch(words: list[str]) -> int:
         except PackageNotFoundError:
             print("isochrony (not installed: run from its sources)")
         return 0
-    top.error(f"a verb is missing; known: {', '.join(parsers)}")
+    top.error(f"a verb is missing; known: {', '.join(_VERBS)}")
+
+
+def _run(verb: str, *words: str) -> int:
+    place, _, name = _VERBS[verb].partition(".")
+    module = import_module(f"pipeline.cli.{place}")
+    options = parser_of(verb, getattr(module, "LISTED", "")).parse_strictly(list(words))
+    cache.WATCHERS[:] = [_say_compiling]
+    with bounded(_allowed(options) if verb in _READERS else None):
+        status: int = getattr(module, name)(options)
+    return status
 
 
 def _say_compiling(_kernel: str) -> None:
@@ -141,20 +121,14 @@ def _say(message: str, status: int, fault: BaseException) -> int:
 
 
 def _calm_blas() -> None:
-    """Let BLAS work in one thread, here and in child processes, unless the user said how many: matrices are small.
-
-    Threads that wait for each other on them cost a quarter more time, and twice the processor's. NumPy comes later.
-    """
+    """Let BLAS work in one thread, unless the user says how many: on small matrices others wait, at twice the time."""
     if "OMP_NUM_THREADS" not in os.environ:
         for library in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
             os.environ.setdefault(library, "1")
 
 
 def _use_streams() -> None:
-    """Make both streams UTF-8 whatever the locale; a file name that is no UTF-8 is escaped, not fatal.
-
-    One that is closed goes nowhere: its number would be taken by the next file, which what we call might write to.
-    """
+    """UTF-8 on both streams, whatever the locale; one that is closed goes nowhere, or a file would take its number."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # as long as the process

@@ -1,35 +1,29 @@
 """Argument parsing that answers every misuse with one line and the nearest known name."""
 
-from __future__ import annotations
-
 import argparse
+import functools
 import math
 import os
-import textwrap
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any, NoReturn
 
 from data_schemas.errors import UsageError
 
 
-@dataclass
-class Verb:
-    """A verb of a few lines, with what a module of a larger one has under the same names."""
-
-    HELP: str
-    DESCRIPTION: str
-    EXAMPLES: str
-    add_options: Callable[[argparse.ArgumentParser], object]
-    run: Callable[[argparse.Namespace], int]
+@functools.cache
+def page(name: str) -> dict[str, Any]:
+    """What help says of a verb, and its options, from its file in `pages`."""
+    return tomllib.loads((Path(__file__).parent / "pages" / f"{name}.toml").read_text(encoding="utf-8"))
 
 
 class Parser(argparse.ArgumentParser):
     """An `argparse` parser that raises `UsageError` instead of printing its usage block and leaving."""
 
     def __init__(self, **settings: Any) -> None:
-        settings.setdefault("formatter_class", _HelpFormatter)
-        super().__init__(allow_abbrev=False, **settings)
+        formatter: Any = functools.partial(argparse.RawDescriptionHelpFormatter, max_help_position=30)
+        super().__init__(allow_abbrev=False, formatter_class=formatter, **settings)
 
     def error(self, message: str) -> NoReturn:
         """Raise `UsageError` with the message and where to read on; never returns."""
@@ -52,39 +46,27 @@ class Parser(argparse.ArgumentParser):
             self.error(f"unknown option '{name}'{did_you_mean(name, self._option_string_actions)}")
 
 
-class _HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Wraps paragraphs to the terminal, leaves lists as they are written, and gives long options room on their line."""
+def parser_of(verb: str, listed: str = "") -> Parser:
+    """Parser of a verb, as its page has it; what is listed comes behind the description."""
+    known = page(verb)
+    parser = Parser(prog=f"isochrony {verb}", description=known["description"] + listed, epilog=known["examples"])
+    _add(parser, known.get("options", {}))
+    for title, rows in known.get("groups", {}).items():
+        _add(parser.add_argument_group(title), rows)
+    return parser
 
-    def __init__(self, prog: str, **settings: Any) -> None:
-        super().__init__(prog, **{"max_help_position": 30, **settings})
 
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return "\n\n".join(_wrapped(block, width) for block in text.split("\n\n"))
-
-
-def _wrapped(block: str, width: int) -> str:
-    """A paragraph as wide as it may be; of a list, what is too long in its second column, or beneath the first.
-
-    >>> print(_wrapped("methods:\\n  joint  all at once, by likelihood", 30))
-    methods:
-      joint  all at once, by
-             likelihood
-    """
-    lines = block.split("\n")
-    if not any(line.startswith(" ") for line in lines):
-        return textwrap.fill(" ".join(lines), width)
-    out = []
-    for line in lines:
-        head, gap, tail = line[2:].partition("  ") if len(line) > width else (line[2:], "", "")
-        column = len(line) - len(tail.lstrip())
-        beside = bool(gap) and column < width // 3
-        if not beside:
-            column = 6
-            out.append(textwrap.fill(line[:2] + head, width, subsequent_indent=" " * 6, break_on_hyphens=False))
-        if gap:
-            first = line[:column] if beside else " " * column
-            out.append(textwrap.fill(tail.lstrip(), width, initial_indent=first, subsequent_indent=" " * column))
-    return "\n".join(out)
+def _add(parser: Any, rows: Mapping[str, Any]) -> None:
+    """Add options: each with the words of `argparse`, but for its type; or those that several verbs share."""
+    for option, row in rows.items():
+        if row == "shared":
+            _add(parser, page("shared")[option])
+            continue
+        settings = dict(row)
+        if "type" in row:
+            kind, *limits = row["type"]
+            settings["type"] = _TYPES[kind](option, *limits)
+        parser.add_argument(option, **settings)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -114,7 +96,7 @@ def one_of(what: str, known: Iterable[str]) -> Callable[[str], str]:
     return convert
 
 
-def number(option: str, *, above: float | None = None) -> Callable[[str], float]:
+def number(option: str, above: float | None = None) -> Callable[[str], float]:
     """Converter for `type=` that takes a finite number greater than `above`, or of at least 0 without it."""
     limit = " of at least 0" if above is None else "" if above == -math.inf else f" greater than {above:g}"
 
@@ -142,21 +124,11 @@ def whole_number(option: str, least: int = 0, most: int = 2**63 - 1) -> Callable
     return convert
 
 
-def positive(option: str) -> Callable[[str], int]:
-    """Converter for `type=` that takes a whole number from 1 to 1000000 (how many of something)."""
-    return whole_number(option, 1, 1_000_000)
-
-
-def add_meaning_options(parser: argparse.ArgumentParser, lever: str) -> None:
-    """List what turns readings into a record: the lever, with what is said of it, gravity, and the pendulums."""
-    add = parser.add_argument
-    add("--lever", type=number("--lever", above=0.0), metavar="MM_PER_RAD", help=lever)
-    gravity = "gravity at which the periods hold, in m/s2"
-    add("--gravity", type=number("--gravity", above=0.0), metavar="M_S2", help=gravity)
-    combination = "pendulums of a trace whose name does not say them; repeatable"
-    add("--combination", action="append", default=[], metavar="TRACE=A[-B]", help=combination)
-    period = "full period of a pendulum in s; no label is needed if there is one only; repeatable"
-    add("--period", action="append", default=[], metavar="[LABEL=]SECONDS", help=period)
+_TYPES: Mapping[str, Callable[..., Callable[[str], Any]]] = {
+    "number": number,
+    "whole number": whole_number,
+    "one of": lambda _option, what, known: one_of(what, known.split()),
+}
 
 
 def periods(verb: str, texts: Iterable[str]) -> dict[str, float]:

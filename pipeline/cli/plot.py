@@ -4,60 +4,26 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import data_schemas
 from data_schemas.errors import RecordError, RefusedError, UsageError, naming
-from pipeline.cli.digitise import add_reading_options, description, film_options, read_film
+from pipeline.cli.digitise import description, film_options, read_film
 from pipeline.cli.files import make_folder, place, read_checked, refuse_clashes, refuse_faults
-from pipeline.cli.parser import number
 from pipeline.cli.tables import complain
+from pipeline.plots.canvas import require_matplotlib, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from data_schemas.layouts import Kind
 
-HELP = "draw a record, a result or a film"
-DESCRIPTION = """\
-Draw a file as PNG; no window is opened. Needs the extra `plot` (matplotlib).
-
-A record: every trace whole (mrad or rad against time), and 20 s of it.
-A result: amplitude of every component, phase speed before and after the correction (as the mGal of gravity it
-stands for), gravity of every method with its sigma.
-A result of a single pendulum: period (s) against amplitude (rad) with the finite-arc law.
-A result of clocks (process --synchrony): phase differences (turns), amplitudes (rad), Allan deviations.
-A film (TIFF, PNG, JPEG): the image in strips, with what `digitise` reads of it laid over: traces, marks, flags.
---from and --to show a part of it larger; the options of a film are those of `digitise`."""
-
-EXAMPLES = """\
-examples:
-  isochrony plot ship.record.nc                            ship.record.png
-  isochrony plot ship.result.nc --truth ship.truth.nc -o ship.png
-  isochrony plot ship.film.tif --from 60 --to 70           ship.film.png: ten seconds of film"""
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x89PNG", b"\xff\xd8\xff")
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    parser.add_argument("file", metavar="FILE", help="record, result, or image of a film")
-    parser.add_argument("-o", dest="out", metavar="PATH", help="PNG, or folder (ends with /); default beside the file")
-    parser.add_argument("--truth", metavar="FILE", help="truth of a simulated record: draws its gravity as a line")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing picture")
-    film = parser.add_argument_group("of a film")
-    for option, name, which in (("--from", "start", "first"), ("--to", "stop", "last")):
-        seconds = number(option, above=-math.inf)  # of either sign: time may begin before the first full minute
-        film.add_argument(option, dest=name, type=seconds, metavar="S", help=f"{which} moment to draw")
-    add_reading_options(film)
-    parser.set_defaults(lever=None, gravity=None, combination=[], period=[])  # a picture is in px
 
 
 def run(options: argparse.Namespace) -> int:
     """Draw the file and write the picture; status 3 for a film that is drawn and could not be read."""
-    from pipeline.plots.canvas import require_matplotlib, save
-
     require_matplotlib()
     path = Path(options.file)
     is_film = is_image(path)

@@ -1,87 +1,31 @@
 """`isochrony process`: records become gravity."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable
 from itertools import zip_longest
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from data_schemas.errors import IsochronyError, UsageError
 from pipeline.cli.files import exit_status, outcome_of, place, read_checked, refuse_clashes, store
-from pipeline.cli.parser import did_you_mean, number, one_of
+from pipeline.cli.parser import did_you_mean, one_of
 from pipeline.cli.summary_rows import SummaryPrinter, failure
 from pipeline.flag_words import BLOCKING
 from pipeline.methods import DECLARED, METHODS, known
 
-_METHOD_LIST = "\n".join(f"  {name:<14}  {each.words}" for name, each in DECLARED.items())
-
-HELP = "gravity from records"
-DESCRIPTION = f"""\
-Gravity from records: all pendulums and the ship fitted at once, or the difference of two pendulums by the paper's
-formulas; the corrections, the uncertainty.
-
-With --synchrony the record is read as one of clocks on a common support instead: for each pair its verdict (in
-phase, antiphase, quadrature, other angle, drifting, intermittent) with the confidence, the angle in degrees, from
-when it is locked, slips, and how many swings a day one outruns the other. The file holds phases, amplitudes, the
-Allan deviation of each clock, and the motion of the support where its acceleration was recorded.
-
-Each record gives a table row per method and one result file with all methods: gravity in m/s2, its sigma in
-mGal (1e-5 m/s2), the corrections that were added in mGal, and flags that name what to distrust. A record with
-a single trace gives its full period at infinitesimal arc in s.
-
-For a single record the ledger follows: every correction in mGal and in 1e-7 s of the full period, always added,
-with its sigma and what it was made from; what the record gives no input for is listed as not applied, never
-assumed. The inputs are variables of /instrument (`isochrony schema record`): chronometer_rate, temperature,
-air_density, tilt_mean_square, yaw_rate, transverse_acceleration_mean_square, latitude, speed, course, and
-base_time, base_gravity, base_period of base stations before and after; X_uncertainty is the sigma of X.
-
-methods:
-{_METHOD_LIST}
-  all             every one of the above but auto"""
-
-EXAMPLES = """\
-examples:
-  isochrony process ship.record.nc
-  isochrony process ship.record.nc --method panteleev,projection --json
-  isochrony process *.record.nc -o results/       one result file a record, in the folder results
-  isochrony process three.record.nc --pair 2-3    the difference of two of three pendulums
-  isochrony process clocks.record.nc --synchrony  do these clocks keep step?
-
-exit status: 0 every record gave a value; 1 some did; 3 none did; 2 usage"""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("records", metavar="RECORD", nargs="+", help="record file (NAME.record.nc)")
-    add_reduction_options(parser)
-    add("--synchrony", action="store_true", help="lock, slips and rates of clocks instead of gravity")
-    add("-o", dest="out", metavar="PATH", help="result file, or folder for several records")
-    add("--full", action="store_true", help="keep each pendulum's fitted angle at every sample too")
-    add("--force", action="store_true", help="overwrite existing results")
-    add("--no-output", action="store_true", help="write no result file, only print")
-    add("--ledger", action="store_true", help="print the ledger of several records too")
-    add("--json", action="store_true", help="JSON Lines instead of a table")
-
-
-def add_reduction_options(parser: argparse.ArgumentParser) -> None:
-    """List what says how records are reduced."""
-    add = parser.add_argument
-    add("--method", default="auto", metavar="NAME[,NAME]", help="method or methods (default auto)")
-    add("--pair", metavar="A-B", help="labels of the two pendulums to difference, such as 2-3")
-    gain = "relative 1-sigma uncertainty of the elongation scale, 0.01 for one per cent (default 0)"
-    add("--gain-uncertainty", type=number("--gain-uncertainty"), default=0.0, metavar="X", help=gain)
-    flag = "reduce records of films that bear this flag, too (isochrony explain FLAG); sigma holds the doubt"
-    add("--accept", action="append", default=[], metavar="FLAG", type=one_of("flag", BLOCKING), help=flag)
+_WORDS = {name: each.words for name, each in DECLARED.items()} | {"all": "every one of the above but auto"}
+LISTED = "".join(
+    "\n" + fill(words, 78, initial_indent=f"  {name:<14}  ", subsequent_indent=18 * " ")
+    for name, words in _WORDS.items()
+)
 
 
 def reduction_options(options: argparse.Namespace) -> dict[str, Any]:
     """What says how records are reduced, the methods apart, as `pipeline.process` takes it."""
-    accepted = tuple(sorted(set(options.accept)))
-    return {"pair": options.pair, "gain_uncertainty": options.gain_uncertainty, "accept": accepted}
+    accepted = sorted({one_of("flag", BLOCKING)(name) for name in options.accept})
+    return {"pair": options.pair, "gain_uncertainty": options.gain_uncertainty, "accept": tuple(accepted)}
 
 
 def run(options: argparse.Namespace) -> int:
@@ -90,6 +34,7 @@ def run(options: argparse.Namespace) -> int:
         raise UsageError("process: --synchrony gives no gravity; drop --method, --pair and --ledger")
     names = ("synchrony",) if options.synchrony else requested_methods("process", options.method)
     requested = names[0] if len(names) == 1 else list(names)
+    how = reduction_options(options)
     inputs = [Path(name) for name in options.records]
     if options.no_output and options.out is not None:
         raise UsageError("process: -o and --no-output contradict each other; give one of them")
@@ -100,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     good = 0
     for path, output in _with_progress(list(zip_longest(inputs, outputs))):
         try:
-            rows = _one(path, output, requested, options)
+            rows = _one(path, output, requested, options, how)
         except IsochronyError as fault:
             outcome = outcome_of(fault, path, alone=len(inputs) == 1)
             rows = [failure(path, "synchrony" if options.synchrony else options.method, *outcome)]
@@ -110,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _one(
-    path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace
+    path: Path, output: Path | None, requested: str | list[str], options: argparse.Namespace, how: dict[str, Any]
 ) -> list[dict[str, Any]]:
     record = read_checked(path, "record")
     # imported after the check: a bad record is told before the kernels are loaded
@@ -119,11 +64,11 @@ def _one(
     if options.synchrony:
         from pipeline.synchronism.recipe import synchrony
 
-        result = synchrony(record, accept=options.accept)
+        result = synchrony(record, accept=how["accept"])
     else:
         from pipeline.processing import process
 
-        result = process(record, method=requested, full=options.full, **reduction_options(options))
+        result = process(record, method=requested, full=options.full, **how)
     rows = [{**row, "input": str(path), "output": None} for row in summaries(result)]
     if output is not None and any(row["status"] == "ok" for row in rows):
         store(result, output, force=options.force)

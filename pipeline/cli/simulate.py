@@ -14,7 +14,7 @@ import data_schemas
 import synth
 from data_schemas.errors import IsochronyError, UsageError, naming
 from pipeline.cli.files import folder_for_output, orderly, place, read_checked, refuse_clashes, stem
-from pipeline.cli.parser import Verb, number, positive, processors, whole_number
+from pipeline.cli.parser import processors
 from pipeline.cli.tables import print_json, progress
 
 if TYPE_CHECKING:
@@ -23,54 +23,14 @@ if TYPE_CHECKING:
     from data_schemas.scene import Scene
 
 
-HELP = "make a record and its truth from a scene"
-DESCRIPTION = """\
-Simulate a scene (TOML): pendulums, their support, the ship's motion and the recording, from the scene's seed.
-The propagator is chosen by what the scene names; --explain tells which, and why, and simulates nothing.
-
-Two files are written: NAME.record.nc, what the instrument saw (elongations in rad against time in s), and
-NAME.truth.nc, what it should have found (gravity in m/s2, frequencies in rad/s): processing never reads it.
-A scene that ships with the package may be named without a path, such as `demo`. Long records go to disk as
-they are made: memory does not grow with them, but for the motion of what needs a general integrator.
-
-With --ensemble N there are N members: NAME-0001.record.nc and NAME-0001.truth.nc and so on in one folder, and
-the table NAME.ensemble.csv of their seeds and of what varies. Member 7 is the same whatever N is. Started
-again after an interrupt, it keeps the members that are there and whole."""
-
-EXAMPLES = """\
-examples:
-  isochrony simulate ship.toml                    ship.record.nc and ship.truth.nc beside the scene
-  isochrony simulate ship.toml --seed 7 -o out/   another noise, in the folder out
-  isochrony simulate demo -o night.record.nc      the shipped scene; the truth goes to night.truth.nc
-  isochrony simulate clocks-on-beam --explain     terms, propagator, why, expected error
-  isochrony simulate escapement --tolerance 1e-9  quicker, and no better than asked
-  isochrony simulate demo --ensemble 100 --vary pendulums.0.start.phase=0:6.28 --vary gravity=9.78:9.83"""
 _WORTHWHILE = 4  # members a further process must have to do, for starting it takes as long as some
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """List the options."""
-    add = parser.add_argument
-    add("scene", metavar="SCENE", help="scene file (TOML), or the name of a shipped scene")
-    add("-o", dest="out", metavar="PATH", help="record file, or folder for both files (ends with /)")
-    add("--seed", type=whole_number("--seed"), metavar="N", help="seed instead of the scene's own")
-    tolerance = "largest error wanted, of the largest angle, 1e-15 to 0.01; instead of the scene's own"
-    add("--tolerance", type=_tolerance, metavar="ERROR", help=tolerance)
-    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
-    add("--force", action="store_true", help="overwrite existing outputs")
-    add("--explain", action="store_true", help="tell what would be computed, how and why, and leave")
-    add("--json", action="store_true", help="with --explain: one JSON object")
-    add = parser.add_argument_group("ensembles").add_argument
-    ensemble = "N members, each with a seed of its own, into a folder (-o; default NAME.ensemble)"
-    add("--ensemble", type=positive("--ensemble"), metavar="N", help=ensemble)
-    vary = "let a key of the scene vary evenly, such as pendulums.0.start.phase=0:6.28 (may be given again)"
-    add("--vary", type=_range, action="append", metavar="KEY=LOW:HIGH", help=vary)
-    workers = "processes (default: one a processor); same results"
-    add("--workers", type=positive("--workers"), metavar="N", help=workers)
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulate the scene and write both files."""
+    if options.tolerance is not None and not 1e-15 <= options.tolerance <= 1e-2:
+        raise UsageError(f"--tolerance wants a relative error from 1e-15 to 0.01, not '{options.tolerance:g}'")
+    options.vary = options.vary and [_range(word) for word in options.vary]
     if options.ensemble is None:
         for name in ("vary", "workers"):
             if getattr(options, name) is not None:
@@ -125,13 +85,6 @@ def _scene(path: Path, options: argparse.Namespace) -> Scene:
     return scene
 
 
-def _tolerance(word: str) -> float:
-    value = number("--tolerance", above=0.0)(word)
-    if not 1e-15 <= value <= 1e-2:
-        raise UsageError(f"--tolerance wants a relative error from 1e-15 to 0.01, not '{word}'")
-    return value
-
-
 def _range(word: str) -> tuple[str, tuple[float, float]]:
     key, given, ends = word.partition("=")
     low, both, high = ends.partition(":")
@@ -182,17 +135,7 @@ def print_explanation(scene: Scene, *, as_json: bool) -> None:
             print(f"  {name:<19}{words}")
 
 
-def _add_expose_options(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("source", metavar="RECORD|SCENE", help="record (.nc), scene (.toml), or the name of a shipped scene")
-    add("-o", dest="out", metavar="FILM", help="image (.tif), or folder (ends with /); default beside the input")
-    add("--film", metavar="NAME|FILE", help="shipped film, or TOML file with the keys of a scene's section [film]")
-    add("--seed", type=whole_number("--seed"), metavar="N", help="seed of the film's chance instead of its own")
-    add("--allow-paths", action="store_true", help="the scene's tables may lie outside its folder")
-    add("--force", action="store_true", help="overwrite existing outputs")
-
-
-def _expose(options: argparse.Namespace) -> int:
+def expose(options: argparse.Namespace) -> int:
     """Expose the film and write the three files."""
     from data_schemas.film_description import description_path
 
@@ -219,26 +162,3 @@ def _expose(options: argparse.Namespace) -> int:
     print(f"{made.description}: what is known of it")
     print(f"{made.truth}: what is not")
     return 0
-
-
-EXPOSE = Verb(
-    "put a record or a scene on photographic film",
-    """\
-Expose a photographic film to a record (.nc) or a scene (TOML, or the name of a shipped one), develop and scan it.
-Needs the extra `film` (tifffile).
-
-Three files are written: NAME.film.tif, the image (BigTIFF, rows along the film), NAME.film.toml, what an observer
-knows of the film, and NAME.film.truth.nc, what he does not (time, elongation and pixel of every row and trace):
-reading the film never uses it. The samples of a record are joined by a smooth curve; where it has none, the lamp
-is off. A scene is simulated without noise and gaps of its recording.
-
---film takes a shipped film (clean, typical, bad, historic-slow) or a TOML file with the keys of a scene's section
-[film]; without it, the section of the scene counts, or a film without any defect. All sizes are assumed.""",
-    """\
-examples:
-  isochrony expose ship.record.nc --film typical      ship.film.tif, .film.toml and .film.truth.nc beside the record
-  isochrony expose night.toml                         the film that the scene names
-  isochrony expose night.toml --film mine.toml --seed 7 -o out/""",
-    _add_expose_options,
-    _expose,
-)

@@ -1,6 +1,4 @@
-"""`isochrony validate`, `schema`, `explain`, `join` and `warm`: verbs of a few lines each."""
-
-from __future__ import annotations
+"""`isochrony validate`, `schema`, `explain`, `join`, `import` and `warm`: verbs of a few lines each."""
 
 import argparse
 import json
@@ -10,25 +8,21 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import data_schemas
 import synth
-from data_schemas.errors import naming
-from pipeline.cli.files import exit_status, read_checked, refuse_clashes
-from pipeline.cli.parser import Verb, one_of
+from data_schemas.errors import UsageError, naming
+from pipeline.cli.files import exit_status, place, read_checked, refuse_clashes, store
+from pipeline.cli.parser import number, one_of, pairs, periods
 from pipeline.flag_words import FLAGS
 from pipeline.methods import METHODS
 from synth.kernels.cache import WATCHERS, cache_folder, stamp
 
-if TYPE_CHECKING:
-    from data_schemas.scene import Scene
-
 _DURATION, _OF_FILM = 120.0, 150.0  # s, of what is worked on to compile kernels
-_SCHEMAS = ("scene", "record", "truth", "result", "film-truth", "summary")
 
 
-def _validate(options: argparse.Namespace) -> int:
+def validate(options: argparse.Namespace) -> int:
     """Check each file; the exit status says whether all, some or none are good."""
     good = 0
     for name in options.files:
@@ -39,26 +33,23 @@ def _validate(options: argparse.Namespace) -> int:
     return exit_status(good, len(options.files))
 
 
-def _schema(options: argparse.Namespace) -> int:
+def schema(options: argparse.Namespace) -> int:
+    """Print a schema."""
     print(json.dumps(data_schemas.json_schema(options.name), indent=2, ensure_ascii=False))
     return 0
 
 
-def _explain(options: argparse.Namespace) -> int:
-    for name in FLAGS if options.flag is None else (options.flag,):
+def explain(options: argparse.Namespace) -> int:
+    """Say of a flag, or of all, what it means and what to do."""
+    for name in FLAGS if options.flag is None else (one_of("flag", FLAGS)(options.flag),):
         meaning, remedy, blocks = FLAGS[name]
         blocked = f"\n  process refuses records that bear it, unless --accept {name} is given" if blocks else ""
         print(f"{name}\n  {meaning}\n  remedy: {remedy}{blocked}")
     return 0
 
 
-def _add_parts(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("parts", metavar="PART", nargs="+", help="record file (NAME.record.nc)")
-    parser.add_argument("-o", dest="out", metavar="PATH", required=True, help="the record of all")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing record")
-
-
-def _join(options: argparse.Namespace) -> int:
+def join(options: argparse.Namespace) -> int:
+    """Put the parts together."""
     from pipeline.joining import join_records
 
     inputs, output = [Path(name) for name in options.parts], Path(options.out)
@@ -70,7 +61,55 @@ def _join(options: argparse.Namespace) -> int:
     return 0
 
 
-def _warm(_options: argparse.Namespace) -> int:
+def import_table(options: argparse.Namespace) -> int:
+    """Import the table and write the record."""
+    from pipeline.importing.record import ImportOptions, import_csv
+
+    path = Path(options.table)
+    output = place([path], options.out, ".record.nc")[0]
+    refuse_clashes([path], [output], force=options.force)
+    constants = _instrument(options)
+    stated, gravity = constants.pop("period", {}), constants.pop("reference_gravity", None)
+    recorded = {"vertical_acceleration": options.heave, "horizontal_acceleration": options.horizontal}
+    meaning = ImportOptions(
+        time=options.time,
+        columns=tuple(options.column),
+        unit=options.unit or "",
+        lever=options.lever,
+        periods=(stated if isinstance(stated, dict) else {"": stated}) | periods("import", options.period),
+        gravity=gravity if options.gravity is None else options.gravity,
+        combinations=pairs("import", "--combination", options.combination),
+        accelerations={name: column for name, column in recorded.items() if column is not None},
+        position=options.xy,
+        noise=options.noise,
+        instrument=constants,
+    )
+    record = import_csv(path, meaning)
+    store(record, output, force=options.force)
+    traces = ", ".join(str(label) for label in record["record"].dataset["trace"].values)
+    time = record.dataset["time"].values
+    print(f"{output}: {time.size} samples of {traces} over {time[-1]:.6g} s")
+    return 0
+
+
+def _instrument(options: argparse.Namespace) -> dict[str, Any]:
+    """Constants of the TOML file, and of options, which go before it."""
+    from data_schemas.text_files import load_toml
+
+    found: dict[str, Any] = {}
+    if options.instrument is not None:
+        found |= load_toml(options.instrument, "constants of an instrument", UsageError)
+    damping = pairs("import", "--damping", options.damping)
+    given = {
+        "damping_rate": {label: number("--damping")(rate) for label, rate in damping.items()} or None,
+        "latitude": options.latitude,
+        "scale_uncertainty": options.scale,
+        "zero_uncertainty": 0.0 if options.zero_known else None,
+    }
+    return found | {name: value for name, value in given.items() if value is not None}
+
+
+def warm(_options: argparse.Namespace) -> int:
     """Do a little of everything."""
     begun, compiled = time.perf_counter(), list[str]()
     made_from = stamp(__file__)
@@ -96,87 +135,16 @@ def _warm(_options: argparse.Namespace) -> int:
 
 def _steps(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """What is done, and how it is called."""
-    from pipeline.batch.executors import warm
+    from pipeline.batch.executors import warm as use
     from pipeline.film.digitise import digitise
 
-    def scene(name: str, longest: float) -> Scene:
+    def scene(name: str, longest: float) -> Any:
         shipped = data_schemas.load_scene(synth.scene_path(name))
         return shipped.model_copy(update={"duration": min(shipped.duration, longest)})
 
     film = folder / "warm.film.tif"
-    yield "process", partial(warm, [name for name in METHODS if name != "auto"])
+    yield "process", partial(use, [name for name in METHODS if name != "auto"])
     for name in sorted(synth.scenes()):
         yield f"simulate {name}", partial(lambda each: synth.simulate(scene(each, _DURATION)), name)
     yield "expose", lambda: synth.expose_to(scene("film", _OF_FILM), synth.load_film("typical"), film)
     yield "digitise", partial(digitise, film)
-
-
-VERBS = {
-    "join": Verb(
-        "part records put together",
-        """\
-Put records of the same pendulums together, one after the other: parts of a film that were read one by one, days of a
-cruise. Parts may be named in any order; their times must not overlap, and count from the date in the units of their
-time (start_time in a film's TOML). Constants of the instrument must be the same in all.""",
-        """\
-examples:
-  isochrony join night-1.record.nc night-2.record.nc -o night.record.nc
-
-exit status: 0 joined; 2 usage; 3 a part cannot be used""",
-        _add_parts,
-        _join,
-    ),
-    "validate": Verb(
-        "name every fault of a file",
-        """\
-Check files against their schema: records, truths, results (netCDF) and scenes (TOML).
-
-Each file gets one line "NAME: good", or one line for every fault with its remedy: layout, dimensions, types,
-units, times that do not increase, values that cannot be, content that does not match its checksum.""",
-        """\
-examples:
-  isochrony validate ship.record.nc
-  isochrony validate ship.toml *.nc
-
-exit status: 0 all good; 1 some good; 3 none good""",
-        lambda parser: parser.add_argument("files", metavar="FILE", nargs="+", help="scene, record, truth or result"),
-        _validate,
-    ),
-    "schema": Verb(
-        "print the layout of a file kind",
-        """\
-Print the JSON Schema of a file kind: every field with its unit, its range and its meaning.
-
-scene describes the TOML file; record, truth, result, film-truth and summary (of a batch) describe the netCDF files,
-group by group.""",
-        "examples:\n  isochrony schema scene\n  isochrony schema record > record.schema.json",
-        lambda parser: parser.add_argument(
-            "name", metavar="NAME", type=one_of("schema", _SCHEMAS), help=", ".join(_SCHEMAS)
-        ),
-        _schema,
-    ),
-    "explain": Verb(
-        "what a flag means",
-        "Tell what a flag of a result means, and what to do about it; without a name all of them.",
-        "examples:\n  isochrony explain\n  isochrony explain apparatus-fault",
-        lambda parser: parser.add_argument(
-            "flag", metavar="FLAG", nargs="?", type=one_of("flag", FLAGS), help="its name"
-        ),
-        _explain,
-    ),
-    "warm": Verb(
-        "compile ahead what the other verbs need",
-        """\
-Compile every kernel that the methods, the shipped scenes and films need, and keep the machine code in the user's cache
-($XDG_CACHE_HOME or ~/.cache). Without it, the first command that needs a kernel compiles it, and says so.
-
-Small records, scenes and a film are worked on in a temporary folder; nothing else is written. What is there is
-not compiled again: after an edit of the sources, or an upgrade, only what depends on it. Takes a minute or two after
-an installation, and a second where all is ready.""",
-        """\
-examples:
-  isochrony warm                                 once after installation, or in an image before it is shipped""",
-        lambda parser: None,
-        _warm,
-    ),
-}

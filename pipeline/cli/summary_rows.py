@@ -1,9 +1,7 @@
 """Show processed records: a table and the ledger for a person, JSON Lines for a program."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,22 @@ _KEYS = (
     "sensitivity_mgal", "flags", "samples_used", "elapsed_s",
 )  # fmt: skip
 _ONE = columns("  correction <26", "mGal >12", "sigma >9", "1e-7 s >10")
+
+_KINDS: Mapping[str, Sequence[tuple[str, str, str]]] = {
+    "gravity": (
+        ("method <14", "method", ""), ("gravity m/s2 >12", "gravity_m_s2", ".8f"),
+        ("sigma mGal >10", "gravity_sigma_mgal", "sigma"), ("corrected mGal >14", "corrected", "+.4f"),
+    ),
+    "period": (
+        ("method <14", "method", ""), ("period s >11", "period_s", ".8f"), ("sigma s >8", "period_sigma_s", ".2g"),
+    ),
+    "pair": (
+        ("pair <6", "pair", ""), ("verdict <12", "verdict", ""), ("sure >5", "confidence", ".3f"),
+        ("angle deg >9", "angle", ".2f"), ("locked s >9", "lock_time_s", ".1f"), ("slips >5", "slips", ""),
+        ("swings/day >10", "rate_difference_per_day", ".3f"), ("sigma >7", "rate_difference_sigma_per_day", ".2g"),
+    ),
+}  # fmt: skip
+"""Columns of what a row may tell: heading, key, form."""
 
 
 def failure(path: Path, requested: str, status: str, error: str) -> dict[str, Any]:
@@ -34,11 +48,7 @@ def in_order(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class SummaryPrinter:
-    """Prints each record's summaries as soon as they are known.
-
-    A row of a single trace (a period, no gravity) has other columns: the headings are printed again when the
-    kind changes.
-    """
+    """Prints a record's summaries as soon as they are known, with headings again where the kind of row changes."""
 
     def __init__(self, inputs: Sequence[Path], *, as_json: bool, with_ledger: bool = False) -> None:
         self._as_json = as_json
@@ -61,9 +71,11 @@ class SummaryPrinter:
             self._headed = []
 
     def _show_line(self, row: Mapping[str, Any]) -> None:
-        own, cells = _KINDS["synchrony" if row.get("synchrony") else "period" if "period_s" in row else "gravity"]
-        name, shown = stem(Path(str(row["input"]))), [*self._first, *own]
-        lead = [name]
+        told = {**row, **(row.get("synchrony") or {})}
+        kind = "pair" if "pair" in told else "period" if "period_s" in row else "gravity"
+        headings, keys, forms = zip(*_KINDS[kind], strict=True)
+        name, own = stem(Path(str(row["input"]))), columns(*headings)
+        shown, lead = [*self._first, *own], [name]
         if tables.width_of(shown) > tables.LINE:  # the record's name on a line of its own
             shown, lead = [*own], []
         if shown != self._headed:
@@ -72,65 +84,37 @@ class SummaryPrinter:
         if not lead and name != self._named:
             print(f"{name}:")
         self._named = name
-        is_good = row["status"] == "ok"
-        print_row(shown, [*lead, *(cells(row) if is_good else [str(row["method"])])])
-        if not is_good:
+        if row["status"] != "ok":
+            print_row(shown, [*lead, str(row["method"])])
             print_text(f"{row['status']}: {row['error']}", more=2)
             return
+        if (angle := told.get("angle_rad")) is not None:
+            told["angle"] = math.degrees(angle)
+        told["corrected"] = sum(value or 0.0 for value in row["corrections_mgal"].values())
+        print_row(shown, [*lead, *(_cell(told.get(key), form) for key, form in zip(keys, forms, strict=True))])
         flags = "flags: " + ", ".join(row["flags"]) if row["flags"] else ""
         for text in filter(None, (row.get("choice_reason"), flags)):
             print_text(text, more=2)
 
 
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None or value != value else format(value, form)
+def _cell(value: Any, form: str) -> str:
+    if value is None or value != value:
+        return "-"
+    return _sigma(value) if form == "sigma" else format(value, form)
 
 
-def _sigma(value: float | None, unknown: str = "?") -> str:
+def _sigma(value: float | None) -> str:
     """Four decimals, or two digits where four decimals would show none."""
     if value is None or value != value:
-        return unknown
+        return "?"
     return f"{value:.4f}" if value >= 1e-3 or value == 0.0 else f"{value:.1e}"
-
-
-def _gravity(row: Mapping[str, Any]) -> list[str]:
-    added = sum(value or 0.0 for value in row["corrections_mgal"].values())
-    sigma = _sigma(row["gravity_sigma_mgal"], "-")
-    return [row["method"], _number(row["gravity_m_s2"], ".8f"), sigma, _number(added, "+.4f")]
-
-
-def _period(row: Mapping[str, Any]) -> list[str]:
-    return [row["method"], _number(row["period_s"], ".8f"), _number(row["period_sigma_s"], ".2g")]
-
-
-def _synchrony(row: Mapping[str, Any]) -> list[str]:
-    pair = row["synchrony"]
-    angle = None if pair["angle_rad"] is None else math.degrees(pair["angle_rad"])
-    numbers = {
-        "confidence": ".3f", "angle": ".2f", "lock_time_s": ".1f", "slips": "", "rate_difference_per_day": ".3f",
-        "rate_difference_sigma_per_day": ".2g",
-    }  # fmt: skip
-    told = {**pair, "angle": angle}
-    return [pair["pair"], pair["verdict"], *(_number(told[name], form) for name, form in numbers.items())]
-
-
-_CLOCKS = ("pair <6", "verdict <12", "sure >5", "angle deg >9", "locked s >9", "slips >5", "swings/day >10", "sigma >7")
-_KINDS: Mapping[str, tuple[Sequence[Column], Callable[[Mapping[str, Any]], list[str]]]] = {
-    "gravity": (columns("method <14", "gravity m/s2 >12", "sigma mGal >10", "corrected mGal >14"), _gravity),
-    "period": (columns("method <14", "period s >11", "sigma s >8"), _period),
-    "synchrony": (columns(*_CLOCKS), _synchrony),
-}  # Own columns and cells of what a row may tell
 
 
 LEAST_SHARE = 0.005  # of the variance, that is printed
 
 
 def print_ledger(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print the ledger of one record from its summaries, one a method; those without gravity are passed over.
-
-    One method is shown with sigma, the change of the full period, and what the correction was made from; several stand
-    side by side. What no method applied follows, entries of one reason together.
-    """
+    """Print the ledger of the methods that gave gravity: one with sigmas and reasons, or several side by side."""
     good = [row for row in rows if row["status"] == "ok" and row.get("ledger")]
     if not good:
         return

@@ -1,7 +1,5 @@
 """Rows on stdout, a table for people or JSON Lines; faults and progress bars on stderr."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math
@@ -151,10 +149,7 @@ def _are_numbers(values: Iterable[Any]) -> bool:
 
 @contextlib.contextmanager
 def progress(what: str, unit: str) -> Iterator[Callable[..., None] | None]:
-    """A function of the stage, if there are several, of how much is done, and of how much; it draws a bar on stderr.
-
-    None where stderr is no terminal. What takes less than half a second gets no bar.
-    """
+    """A function of stage, if any, done and total that draws a bar on stderr after half a second; None: no terminal."""
     if not sys.stderr.isatty():
         yield None
         return

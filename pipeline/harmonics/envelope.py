@@ -15,8 +15,6 @@ vertical by psi and strengthens it; heave changes it too. In the slow limit the 
 `n [sqrt(Gamma) - (Gamma'/n)^2/32]`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -75,10 +73,7 @@ class Envelope:
 
 
 def image_distance(frequency: float, mean_step: float) -> float:
-    """Distance of the harmonic from its image after sampling, rad s-1.
-
-    At half-second marks a pendulum of 1.01 s is sampled twice a swing, and its image lies at 0.124 rad s-1.
-    """
+    """Distance of the harmonic from its image after sampling, rad s-1: 0.124 of 1.01 s read at half-second marks."""
     nyquist = np.pi / mean_step
     return float(abs((2.0 * frequency + nyquist) % (2.0 * nyquist) - nyquist))
 
@@ -115,18 +110,10 @@ def sliding_envelope(time: Floats, step: float, first: Floats, difference: Float
     amplitude: Complexes = (fit[:, 0] - 1j * fit[:, 1]) * carrier
     speed: Complexes = (fit[:, 4] - 1j * fit[:, 5]) * carrier / (half * step)
     return Envelope(
-        time=centres,
-        carrier=frequency,
-        first=amplitude[0],
-        difference=amplitude[1],
-        first_speed=speed[0],
-        difference_speed=speed[1],
-        slow=fit[:, 2],
-        coverage=coverage[1],
-        samples=coverage.mean(axis=1) * every,
-        noise_gain=float(0.5 * np.sum(np.square(taps[:2]))),
-        taps=taps[0] - 1j * taps[1],
-    )
+        time=centres, carrier=frequency, first=amplitude[0], difference=amplitude[1], first_speed=speed[0],
+        difference_speed=speed[1], slow=fit[:, 2], coverage=coverage[1], samples=coverage.mean(axis=1) * every,
+        noise_gain=float(0.5 * np.sum(np.square(taps[:2]))), taps=taps[0] - 1j * taps[1],
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=2)  # records of one instrument have one window

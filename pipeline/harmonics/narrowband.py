@@ -11,8 +11,6 @@ n1/n2 is held, because the ratio does not depend on gravity: re-inserting the sl
 diverges at (n1-n2)/n2 = 1e-3, Gauss-Newton does not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

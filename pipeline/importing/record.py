@@ -1,19 +1,18 @@
 """A text table becomes a record: seconds from the first row, angles in radians, pendulums by label."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from numpy.typing import NDArray
 
 from data_schemas.contents import identifier, shown
@@ -22,16 +21,12 @@ from data_schemas.layouts import root_attributes
 from data_schemas.variables import attributes, dataset, rows_of
 from pipeline.importing.table import Table, choose_columns, find_column, is_date, read_columns, read_table, unit_in
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 NETCDF = (".nc", ".nc4", ".cdf")
 ANGLES = {"rad": "rad", "mrad": "mrad", "deg": "deg", "°": "deg", "degrees": "deg", "degree": "deg", "mm": "mm"}
 NO_ANGLES = ("m", "cm", "px", "rad/s", "deg/s", "°/s", "m/s", "m/s2", "m/s^2", "m/s²", "V", "Hz")
 TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 MOST_ANGLE = 10.0  # rad, of an elongation whose unit nobody says
 LEAST_PLACES = 8
-FINER = re.compile(r"\.\d{6}(\d+)")
 _LABEL = re.compile(r"[^\s=:-]{1,64}")
 _NO_DATE = "2000-01-01T00:00:00Z"
 _COARSE = 1e6  # s; from here on a float64 of the time itself is coarser than 0.1 ns
@@ -90,8 +85,6 @@ def import_csv(path: str | os.PathLike[str], options: ImportOptions | None = Non
     FileError, RecordError
         The table cannot be read, or its times or values cannot make a record.
     """
-    import xarray as xr
-
     options = options or ImportOptions()
     table = read_columns(path) if Path(path).suffix.lower() in NETCDF else read_table(path)
     time_column = find_column(table, options.time) if options.time else 0
@@ -153,10 +146,7 @@ def _elongation(
 
 
 def with_angle(table: Table, position: str) -> tuple[Table, dict[str, int]]:
-    """A table with the angle of a bob of which it holds x and y: about the centre of the circle through all places.
-
-    The circle is the algebraic fit of Kasa (1976); the rest is the mean direction from its centre.
-    """
+    """A table with the angle of a bob, by its x and y, about the centre of the circle through them (Kasa 1976)."""
     names = [name.strip() for name in position.split(",")]
     if len(names) != 2:
         raise UsageError(f"--xy {position}: give two columns, as X,Y")
@@ -311,17 +301,10 @@ def _from_numbers(table: Table, column: int) -> NDArray[np.float64]:
 
 
 def _from_dates(table: Table, column: int) -> tuple[str, NDArray[np.float64]]:
-    moments, rest = [], []
-    for line, row in zip(table.lines, table.rows, strict=True):
-        try:
-            moment = datetime.fromisoformat(row[column])
-            finer = FINER.search(row[column])  # digits beyond the microsecond, which Python leaves out
-            rest.append(float(f"0.{finer[1]}") * 1e-6 if finer else 0.0)
-            # A date without a zone is taken as UTC: only differences matter.
-            moments.append((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC))
-        except (ValueError, OverflowError):
-            told = f"line {line}: time '{shown(row[column])}' is no ISO date such as 2024-05-01T12:00:00.25Z"
-            raise RecordError(f"{table.source}: {told}; correct it or remove the row") from None
-    start = moments[0].isoformat().replace("+00:00", "Z")
-    seconds = np.array([(moment - moments[0]).total_seconds() for moment in moments])
-    return start, seconds + (np.array(rest) - rest[0])
+    """Start and seconds; a date without a zone is taken as UTC: only differences matter."""
+    cells = [row[column] for row in table.rows]
+    moments = pd.to_datetime(cells, utc=True, format="ISO8601", errors="coerce")
+    for row in np.flatnonzero(moments.isna())[:1].tolist():
+        told = f"line {table.lines[row]}: time '{shown(cells[row])}' is no ISO date such as 2024-05-01T12:00:00.25Z"
+        raise RecordError(f"{table.source}: {told}; correct it or remove the row")
+    return moments[0].isoformat().replace("+00:00", "Z"), np.array((moments - moments[0]).total_seconds())

@@ -1,7 +1,5 @@
 """Text tables of numbers: find delimiter, header and missing values; name the line of every fault."""
 
-from __future__ import annotations
-
 import csv
 import os
 import re
@@ -35,10 +33,7 @@ class Table:
         return f"'{shown(self.names[column])}'" if self.names[column] else str(column + 1)
 
     def numbers(self, column: int) -> list[float]:
-        """Values of one column; NaN where missing.
-
-        `RecordError`: a cell is no number, or infinite; the message names its line.
-        """
+        """Values of one column, NaN where missing; `RecordError` names the line of a cell that is no finite number."""
         values = []
         for line, row in zip(self.lines, self.rows, strict=True):
             value = number(row[column])
@@ -60,10 +55,7 @@ def unit_in(name: str, known: Mapping[str, str]) -> str:
 
 
 def read_columns(path: str | os.PathLike[str]) -> Table:
-    """Read an ordinary netCDF file: its one-dimensional variables over time, as a text table would have them.
-
-    `FileError` and `RecordError`: it cannot be read, or has no dimension time.
-    """
+    """A netCDF file's variables over time, as a text table has them; `FileError`, `RecordError`: none, or no time."""
     from data_schemas.reading import load
 
     source = os.fspath(path)
@@ -169,10 +161,7 @@ def _is_header(cells: list[str]) -> bool:
 
 
 def find_column(table: Table, name: str) -> int:
-    """Index of the column of that name, or of that number from 1 if no column has the name.
-
-    `UsageError`: there is no such column, or the name stands twice.
-    """
+    """Index of the column of that name, or number from 1; `UsageError`: there is none, or the name stands twice."""
     bare = [_BRACKET.sub("", each) for each in table.names]  # a header may say its unit
     for names in (list(table.names), bare):
         if names.count(name) > 1:

@@ -1,7 +1,5 @@
 """Keeping the ledger: corrections in their order, each from where the one before it ends."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType

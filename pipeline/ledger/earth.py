@@ -9,8 +9,6 @@ water) depth`, a plate. Conventions of Hinze et al. 2005, Geophysics 70, J25: GR
 pull (0.87 mGal) is not taken off.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

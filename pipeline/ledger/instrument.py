@@ -3,8 +3,6 @@
 Chronometer, temperature, air, base stations, flexure of the support; the plane of swing, which tilts, turns and rocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -45,10 +43,7 @@ def chronometer(case: Case, gravity: float) -> Change:
     TEMPERATURE,
 )
 def temperature(case: Case, gravity: float) -> Change:
-    """Compare with the period that the instrument has at the record's temperature: a warm pendulum is longer.
-
-    A temperature that changes within the record counts as it acts on the fitted frequency.
-    """
+    """Compare with the period at the record's temperature; one that changes counts as it acts on the frequency."""
     constants = case.prepared.observation.constants
     mean, reference = case.scalar("temperature"), case.scalar("temperature_reference")
     warm, words = mean - reference, f"{mean:.2f} K"
@@ -73,10 +68,7 @@ def temperature(case: Case, gravity: float) -> Change:
     AIR,
 )
 def air_density(case: Case, gravity: float) -> Change:
-    """Reduce to vacuum, where instrument/period holds: air bears a part of the pendulum and is carried along by it.
-
-    The air's part is compared with the period that temperature has left, as both add to it.
-    """
+    """Reduce to vacuum, where instrument/period holds; the air's part adds to the period that temperature has left."""
     density, reference = case.scalar("air_density"), case.scalar("air_density_reference")
     coefficient = case.pair("density_coefficient") / reference
     warm = case.period + float(by_temperature(case.prepared.observation.constants)[1])
@@ -142,10 +134,7 @@ def base_tie(case: Case, gravity: float) -> Change:
 def _by_number(
     name: str, formula: str, source: str, need: str, after: Callable[[Case, float, float], float], words: str
 ) -> Correction:
-    """A correction by one number of /instrument: `after(case, gravity, number)`, 1 sigma by its central difference.
-
-    `words` has a place for the number, `x`, its root, `rms`, or a thousand times this, `mrad`.
-    """
+    """A correction by one number of /instrument: `words` may hold it, {x}, its root, {rms}, or {mrad}."""
 
     @correction(name, formula, source, (need,))
     def change(case: Case, gravity: float) -> Change:

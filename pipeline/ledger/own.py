@@ -1,7 +1,5 @@
 """What a method corrects itself, in parts: unequal periods, arcs, accelerations, faults of the apparatus."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.conditions import MGAL
@@ -11,10 +9,7 @@ BROWNE = "Browne 1937, Mon. Not. R. astr. Soc. Geophys. Suppl. 4, 271"
 
 
 def uncertainty(case: Case) -> float:
-    """From n1/n2, as far as the first period brings it, and from the first trace's gain, arcs and all; mGal.
-
-    What the second period brings is the base tie's; the joint fit holds both.
-    """
+    """From n1/n2 by the first period (the second's is the base tie's), and from the first trace's gain, mGal."""
     period = float(case.prepared.observation.period_relative_uncertainty[0])
     return float(np.hypot(0.0 if case.estimate.of_mean else case.by_ratio * period, case.by_gain_uncertainty))
 

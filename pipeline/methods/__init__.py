@@ -8,8 +8,10 @@ by entry points of the group "isochrony.methods", whose objects are such functio
 from __future__ import annotations
 
 import importlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from data_schemas.errors import UsageError
@@ -17,7 +19,7 @@ from data_schemas.errors import UsageError
 if TYPE_CHECKING:
     from pipeline.prepared import Estimate, Prepared
 
-    Function = Callable[[Prepared], Estimate]
+Function = Callable[["Prepared"], "Estimate"]
 
 
 @dataclass(frozen=True)
@@ -29,25 +31,10 @@ class Method:
     words: str  # the same in a line
 
 
-_PHASES, _EXACT = "pipeline.methods.phases", "pipeline.methods.exact"
-DECLARED: dict[str, Method] = {
-    "uncorrected": Method(f"{_PHASES}:uncorrected", "slope of the phase",
-        "slope of the difference pendulum's phase, nothing corrected"),
-    "vening-meinesz": Method(f"{_PHASES}:vening_meinesz", "formula (9)",
-        "formula (9), the fictitious pendulum with the raw first pendulum"),
-    "panteleev": Method(f"{_PHASES}:panteleev", "paper's formula (27)", "formula (27), the separated free harmonic"),
-    "general": Method(f"{_PHASES}:general", "corrected formula (38)",
-        "formulas (36) and (38) with the model's phase speeds, finite arc, slow acceleration of the support"),
-    "complex": Method(f"{_PHASES}:complex_form", "(27), complex form",
-        "complex form of (27), works where the amplitude passes through zero"),
-    "projection": Method(f"{_EXACT}:projection", "exact if it is linear",
-        "exact identity of linear pendulums, clean uniform records"),
-    "shooting": Method(f"{_EXACT}:shooting", "exact inversion",
-        "exact identity of real pendulums, clean uniform records; heave as recorded, or none"),
-    "joint": Method("", "all, by likelihood",
-        "state-space model of all pendulums, ship and instrument, by likelihood; gravity along the track"),
-    "auto": Method("", "", "joint (default); of a single trace its period"),
-}  # fmt: skip
+DECLARED = {
+    name: Method(**declared)
+    for name, declared in json.loads(Path(__file__).with_name("declared.json").read_text(encoding="utf-8")).items()
+}
 """Those of the package, the plainest first."""
 PAIR_METHODS: tuple[str, ...] = tuple(name for name, each in DECLARED.items() if each.function)
 """Methods of the package that look at one difference of two pendulums."""

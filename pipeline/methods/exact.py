@@ -67,15 +67,10 @@ def as_estimate(prepared: Prepared, fit: Fit, colour: float, *others: float, red
     """A fit with the noise of its own residual, coloured as it is, and other parts of its 1 sigma of n2, rad s-1."""
     own = float(np.linalg.norm(fit.influence)) * fit.noise * np.sqrt(max(colour, 1.0))
     return Estimate(
-        frequency=fit.frequency,
-        uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, fit.damping_rate)),
-        sigma=float(np.linalg.norm([own, *others])),
-        noise=fit.noise,
-        damping_rate=fit.damping_rate,
-        samples=fit.residual.size,
-        residual_colour=colour,
-        acceleration_reduced=reduced,
-    )
+        frequency=fit.frequency, uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, fit.damping_rate)),
+        sigma=float(np.linalg.norm([own, *others])), noise=fit.noise, damping_rate=fit.damping_rate,
+        samples=fit.residual.size, residual_colour=colour, acceleration_reduced=reduced,
+    )  # fmt: skip
 
 
 def residual_colour(fit: Fit, prepared: Prepared) -> float:
@@ -99,10 +94,7 @@ def shooting(prepared: Prepared) -> Estimate:
 
 
 def invert(prepared: Prepared) -> Estimate:
-    """Invert the nonlinear identity; sigma holds the noise of both traces and the numerical error.
-
-    `RefusedError`: no swing at the nominal period, outliers, or a heave that is not recorded.
-    """
+    """Invert the nonlinear identity; `RefusedError`: no swing at the nominal period, outliers, or unrecorded heave."""
     moved, fit = nonlinear_fit(prepared)
     colour = residual_colour(fit, prepared)
     # short heave lies beside what the colour looks at, but above what neighbours call noise

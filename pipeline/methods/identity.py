@@ -13,8 +13,6 @@ Expanded about the measured one the start is good to 1e-3 even in heavy motion, 
 diverges.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from functools import lru_cache
@@ -53,10 +51,7 @@ def cardinal(points: Floats, angle: float, count: int = NODES) -> Floats:
 
 
 def taps(eigenvalue: complex, frequency: float, step: float, count: int = NODES) -> Complexes:
-    """Weights (count,) of `int_0^step exp(lam (step - x)) f dx` over the central interval of `count` samples.
-
-    They are fitted at `frequency`, rad s-1, near Im(lam).
-    """
+    """Weights (count,) of `int_0^step exp(lam (step - x)) f dx` amid `count` samples, fitted at `frequency`."""
     turned = 0.5 * step * _GAUSS_WEIGHTS * np.exp(0.5 * eigenvalue * step * (1.0 - _GAUSS))
     return np.asarray(cardinal(0.5 * _GAUSS, frequency * step, count) @ turned)
 
@@ -154,10 +149,7 @@ class Identity:
         return Weights(swing, wide.imag / oscillation, near.imag / oscillation, (gain * wide).imag, 1.0 - r)
 
     def fit(self, gamma: float, *, fit_damping: bool) -> Fit:
-        """Iterate until n2 and gamma2 stand still; `gamma` is gamma2, s-1, or its start where it is fitted.
-
-        `RefusedError`: no swing at the nominal period, or an outlier.
-        """
+        """Iterate until n2 and gamma2, held or from `gamma` on, stand still; `RefusedError`: no swing, outliers."""
         about = difference = self.observation.difference[self.inside]
         count, step = about.size, self.observation.step
         # n2 with which the nonlinear pull does the work that the held frequency does
@@ -192,7 +184,7 @@ class Identity:
 def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple[Floats, ...]:
     """Two free swings of an identity, and its responses to sources (n - 2,) from its third sample on; (n,) each."""
     count = sources[0].size + 2
-    if isinstance(stiffness, float):  # constant coefficients: a complex exponential and running sums, in blocks
+    if isinstance(stiffness, float):  # a complex exponential and running sums: scipy.linalg takes .1 s to import
         before, middle, own = by.swing - by.near * stiffness
         turn = complex(-middle, np.sqrt(4.0 * own * before - middle**2)) / (2.0 * own)
         size = int(np.ceil(np.sqrt(count)))
@@ -216,10 +208,7 @@ def responses(by: Weights, stiffness: Floats | float, *sources: Floats) -> tuple
 
 
 def least_squares(columns: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Coefficients of the columns (k, n) for values (n,), and their covariance (k, k) per variance of white noise.
-
-    `RefusedError`: too few samples, or samples that are no numbers.
-    """
+    """Coefficients of columns (k, n), their covariance (k, k) per variance; `RefusedError`: too few, no numbers."""
     gram = np.stack([columns @ column for column in columns])
     if not np.all(np.isfinite(gram)) or values.size < 2 * len(gram):
         raise RefusedError("difference: too few readings follow a swing near the nominal period; check the period")

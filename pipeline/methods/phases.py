@@ -7,8 +7,6 @@ where the amplitude passes through zero. A correction is integrated and subtract
 and subtracting it from a slope would be wrong by up to 97 mGal, because the two weigh time differently.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -212,10 +210,6 @@ def with_noise(
     return Estimate(
         frequency=float(np.hypot(oscillation, gamma)),
         uncorrected=float(np.hypot(envelope.carrier + uncorrected_slope, gamma)),
-        sigma=float(np.hypot(own, prepared.theta_error(shared.noise_theta, noise))),
-        noise=noise,
-        damping_rate=gamma,
-        samples=int(known.sum()),
-        residual_colour=colour,
-        **others,
-    )
+        sigma=float(np.hypot(own, prepared.theta_error(shared.noise_theta, noise))), noise=noise, damping_rate=gamma,
+        samples=int(known.sum()), residual_colour=colour, **others,
+    )  # fmt: skip

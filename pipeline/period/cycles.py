@@ -8,8 +8,6 @@ which at small arcs is `dA = pi (gamma/n) A + (4/3) c A^2 + 2 delta`; by least s
 pays for it.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 from typing import Any
@@ -51,10 +49,7 @@ class Cycles:
 
 
 def find_cycles(time: Floats, theta: Floats) -> Cycles:
-    """Find crossings and turning points of theta (n,), rad, NaN = missing, at any times (n,), s, by local polynomials.
-
-    `RefusedError`: fewer than `LEAST_CYCLES` cycles, or fewer than `LEAST_SAMPLES` samples a swing.
-    """
+    """Crossings and turning points of theta (n,), rad, NaN = missing, at times (n,), s; `RefusedError`: too few."""
     present = np.isfinite(theta)
     time, theta = time[present], theta[present]
     if theta.size < LEAST_READINGS:

@@ -7,8 +7,6 @@ half swing delta behind the rest: the smaller the arc, the later it is passed. W
 sigma is that of leaving out long stretches in turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -82,10 +80,7 @@ def _mean_factor(amplitude: Floats, scale: float, factor: Factor) -> Floats:
 def _regress(
     cycles: Cycles, extremes: Floats, scatter: float, factor: Factor, dry: float, scale_prior: float
 ) -> tuple[float, float, float, list[float]]:
-    """Period, scale and drift, and sigma by column: weighted least squares on the crossing times; errors go as 1/v.
-
-    A missed crossing shifts a whole number of cycles and is counted from the rough period.
-    """
+    """Period, scale, drift and sigma by column: least squares on crossing times, errors as 1/v, missed ones counted."""
     period, scale = cycles.rough_period, 0.0
     prior = np.array([scale_prior, REST, REST])
     for _ in range(ROUNDS):

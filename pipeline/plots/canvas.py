@@ -48,9 +48,14 @@ def values(tree: DataTree, group: str, name: str) -> Floats:
     return np.asarray(tree[group].dataset[name].values, dtype=np.float64)
 
 
+def draws() -> bool:
+    """Whether pictures can be drawn: matplotlib is an extra."""
+    return importlib.util.find_spec("matplotlib") is not None
+
+
 def require_matplotlib() -> None:
     """Raise `UsageError` with the remedy if the extra `plot` is not installed."""
-    if importlib.util.find_spec("matplotlib") is None:
+    if not draws():
         raise UsageError("plotting needs matplotlib, which is not installed; pip install 'isochrony[plot]'")
 
 
@@ -147,10 +152,7 @@ def over_time(axes: Axes, time: Floats, up: str) -> Floats:
 
 
 def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: str) -> None:
-    """Fill between the least and the greatest value of each pixel column; a gap in the record stays open.
-
-    A line through thousands of swings would be one solid block with accidental edges.
-    """
+    """Fill from least to greatest of each pixel column, gaps apart: thousands of swings would be a solid block."""
     if time.size <= 2 * _BINS:
         axes.plot(time, values, color=color, label=label, linewidth=0.8)
         return
@@ -165,17 +167,12 @@ def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: st
 
 
 def running_mean(time: Floats, values: Floats, width: float) -> Floats:
-    """Mean over `width` seconds about each instant; NaN where the series has no value.
+    """Mean over `width` seconds about each instant, NaN where there is no value: single seconds are mostly noise."""
+    import pandas as pd
 
-    Reading noise makes the phase speed of single seconds far wilder than any correction.
-    """
-    good = np.isfinite(values)
-    sums = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(good)])
-    first = np.searchsorted(time, time - 0.5 * width, side="left")
-    last = np.searchsorted(time, time + 0.5 * width, side="right")
-    with np.errstate(invalid="ignore"):
-        return np.where(good, (sums[last] - sums[first]) / (counts[last] - counts[first]), np.nan)
+    series = pd.Series(values, pd.to_timedelta(time, unit="s"))
+    means = series.rolling(pd.Timedelta(width, unit="s"), min_periods=1, center=True, closed="both").mean()
+    return np.array(means.where(series.notna()))
 
 
 def robust_limits(values: Floats, *, hidden: float = 0.5, margin: float = 0.15) -> tuple[float, float]:

@@ -1,25 +1,24 @@
 """A film and what was read of it: the image in strips, one under the other, with traces, marks and flags on it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
 from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.arrays import Floats, row_means_present
+from pipeline.film.reading import Reading, accepted_fraction, share_read
+from pipeline.film.scan.opening import OpenScan
 from pipeline.plots.canvas import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, panel, sheet
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from pipeline.film.reading import Reading
-    from pipeline.film.scan.opening import OpenScan
 
 _IMAGE_HEIGHT = 900  # dots across the film, at most
 _LEAST_CONTRAST = 0.1  # of full scale: the grain of blank film is not stretched to black and white
@@ -46,12 +45,7 @@ class Strip(NamedTuple):
 
 
 def film_figure(reading: Reading, start: float | None = None, stop: float | None = None) -> Figure:
-    """Draw a film and what was read of it, time to the right: all of it, or from `start` to `stop`, s.
-
-    `UsageError` where the film shows nothing of that time.
-    """
-    from pipeline.film.reading import accepted_fraction, share_read
-
+    """Draw a film, time to the right, and what was read, from `start` to `stop`, s; `UsageError`: nothing then."""
     rows, samples = _rows(reading, start, stop), reading.samples.column
     seconds = reading.axis.seconds
     known = np.flatnonzero(np.isfinite(seconds))
@@ -162,8 +156,6 @@ def _draw_marks(axes: Axes, reading: Reading, strip: Strip) -> None:
 
 def _draw_flags(axes: Axes, reading: Reading, strip: Strip) -> None:
     """Each trace's flags as a bar along the lower edge."""
-    from matplotlib.colors import to_rgb
-
     flags, wide = reading.row_flags[:, strip.first : strip.stop], strip.right - strip.left
     high = 0.055 * wide / len(flags)
     for trace, qc in enumerate(flags):
@@ -182,8 +174,6 @@ def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
     if known.size < 2:
         axes.set_xlabel("row")
         return
-    from matplotlib.ticker import MaxNLocator
-
     begin, end = seconds[known[[0, -1]]].tolist()
     ticks = MaxNLocator(15, steps=[1, 2, 5, 10]).tick_values(begin, end)
     ticks = ticks[(ticks >= begin) & (ticks <= end)]
@@ -193,9 +183,6 @@ def _label_time(axes: Axes, seconds: Floats, strip: Strip) -> None:
 
 def _legend(figure: Figure, reading: Reading) -> None:
     """Colours of traces and flags, beside the heading."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     handles: list[Any] = [
         Line2D([], [], color=_TRACES[trace % len(_TRACES)], label=f"trace {trace + 1} from the left")
         for trace in np.argsort(row_means_present(reading.tracks.course))

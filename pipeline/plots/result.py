@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import Dataset, DataTree
 
 from pipeline.arrays import Floats
 from pipeline.methods import BEST_FIRST
@@ -12,10 +13,9 @@ from pipeline.period.cycles import arc_factor
 from pipeline.plots import canvas
 from pipeline.plots.canvas import angle_scale, draw_band, legend, note, over_time, panel, robust_limits, sheet, values
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # it names methods without matplotlib too
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from xarray import Dataset, DataTree
 
 _ZOOM = 20.0  # s
 _MOST_TRACES = 8

@@ -128,10 +128,7 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
 
 
 def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
-    """Motion of the support in the second half at a multiple of the clocks' frequency, and its direction.
-
-    The larger of what the recorded accelerations show; nothing where none was recorded.
-    """
+    """Motion of the support in the second half, at a multiple of the clocks' frequency, and its direction."""
     traces, found = record["record"].dataset, [(-1.0, "")]
     for direction, multiple in _MULTIPLES.items():
         if (name := f"{direction}_acceleration") in traces:
@@ -148,10 +145,7 @@ def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any],
 
 
 def pendulums_of(record: DataTree) -> tuple[list[str], Floats]:
-    """Labels and elongations (pendulums, time) of the pendulums that the traces tell apart, rad.
-
-    `RecordError` if these are fewer than two.
-    """
+    """Labels and elongations (pendulums, time) of pendulums that traces tell apart; `RecordError`: fewer than two."""
     traces = record["record"].dataset
     labels = [str(label) for label in traces["pendulum"].values]
     combination = np.asarray(traces["combination"].values, dtype=np.float64)

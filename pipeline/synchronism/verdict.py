@@ -5,8 +5,6 @@ turning on, it drifts. Where it turns on but waits at one angle much longer than
 edge, or long rests between slips), it is intermittent.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -53,10 +51,7 @@ def _longest(known: np.ndarray) -> slice:
 
 
 def block_slope(time: Floats, values: Floats, blocks: int) -> tuple[float, float]:
-    """Slope and one sigma of it: least squares through means of blocks, whose scatter gives the sigma.
-
-    So it holds for noise of any colour shorter than a block.
-    """
+    """Slope and its sigma by means of blocks, whose scatter holds for noise of any colour shorter than a block."""
     parts = np.array_split(np.flatnonzero(np.isfinite(values)), blocks)
     x, means = (np.array([series[each].mean() for each in parts]) for series in (time, values))
     x -= x.mean()

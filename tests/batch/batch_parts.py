@@ -13,7 +13,7 @@ import numpy as np
 import data_schemas
 from pipeline.batch.executors import small_record
 from pipeline.batch.job import Config, Kind
-from pipeline.cli.batch_jobs import read_record
+from pipeline.cli.batch import read_record
 
 METHODS = ("projection",)
 

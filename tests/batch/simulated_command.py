@@ -44,11 +44,10 @@ from data_schemas.errors import FileError, IsochronyError
 from pipeline.batch import executors, job, ledger, summary
 from pipeline.batch.job import Kind
 from pipeline.batch.ledger import NAME, Ledger
-from pipeline.cli import batch, batch_jobs
-from pipeline.cli.parser import Parser
+from pipeline.cli import batch
+from pipeline.cli.parser import parser_of
 
-PARSER = Parser(prog="batch")
-batch.add_options(PARSER)
+PARSER = parser_of("batch")
 
 
 class Command:
@@ -153,7 +152,7 @@ class Command:
             (executors, "gc", SimpleNamespace(collect=lambda: 0)),
             (job, "time", clock), (ledger, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
             (writing, "secrets", names), (writing, "from_tree", contents_of), (writing, "encoded", encoded),
-            (summary, "tree_of", table), (batch_jobs, "KINDS", kinds),
+            (summary, "tree_of", table), (batch, "KINDS", kinds),
             (pipeline.processing, "process", process), (pipeline.summary, "summaries", summaries),
             (Ledger, "append", appended), (sys, "argv", ["isochrony", "batch"]), (System, "mounted", self.system),
         ]  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 
 from data_schemas.errors import UsageError
 from pipeline.batch.inputs import find_inputs, grid, kind_of, parse_sweep
-from pipeline.cli.batch_jobs import KINDS
+from pipeline.cli.batch import KINDS
 
 
 @pytest.fixture

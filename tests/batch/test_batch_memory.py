@@ -16,7 +16,7 @@ from pipeline.batch.campaign import Tally
 from pipeline.batch.executors import Isolated
 from pipeline.batch.job import Kind, Outcome
 from pipeline.batch.ledger import Ledger, Log
-from pipeline.cli.batch_jobs import read_record
+from pipeline.cli.batch import read_record
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),

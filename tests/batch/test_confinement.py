@@ -24,7 +24,7 @@ from pipeline.batch import executors as isolated
 from pipeline.batch.confinement import MACHINES, confine, ruleset, socket_filter
 from pipeline.batch.executors import Isolated, pooled
 from pipeline.batch.job import Config, Kind
-from pipeline.cli.batch_jobs import read_record
+from pipeline.cli.batch import read_record
 from pipeline.processing import process
 from synth.kernels.cache import cache_folder
 

@@ -12,7 +12,7 @@ import synth
 from data_schemas.errors import IsochronyError
 from pipeline.batch.executors import Isolated
 from pipeline.batch.job import Kind
-from pipeline.cli.batch_jobs import digitise_film, read_record, simulate_scene
+from pipeline.cli.batch import digitise_film, read_record, simulate_scene
 from pipeline.importing.record import import_csv
 
 HANG = 10.0  # s

@@ -100,7 +100,7 @@ def test_a_method_that_refuses_stays_in_the_table(run, monkeypatch):
         first, *others = original(result)
         return [{**first, "status": "refused", "error": "for this test"}, *others]
 
-    monkeypatch.setattr(pipeline.summary, "summaries", refusing)
+    monkeypatch.setattr(demo, "summaries", refusing)
     assert "    refused: for this test" in run("demo").out
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from data_schemas.errors import FileError, RecordError, RefusedError, SceneError, UsageError
 from pipeline.cli import main as entry
+from pipeline.cli import small
 
 ROOT = Path(__file__).parents[2]
 VERBS = tuple(entry._VERBS)
@@ -117,7 +118,7 @@ def test_every_fault_has_its_status_and_one_line(run, monkeypatch, fault, status
     def end(_):
         raise fault("first line\n  second line")
 
-    monkeypatch.setattr(entry._VERBS["schema"], "run", end)
+    monkeypatch.setattr(small, "schema", end)
     outcome = run("schema", "record")
     assert outcome.status == status
     assert ("interrupted" if fault is KeyboardInterrupt else "first line second line") in outcome.fault
@@ -127,7 +128,7 @@ def test_an_internal_error_is_70_with_one_line_and_the_traceback_on_demand(run, 
     def end(_):
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr(entry._VERBS["schema"], "run", end)
+    monkeypatch.setattr(small, "schema", end)
     outcome = run("schema", "record")
     assert outcome.status == 70
     assert "internal error: ZeroDivisionError: by zero (please report" in outcome.fault
@@ -193,7 +194,7 @@ def test_streams_that_are_closed_go_nowhere_and_a_full_device_is_told(run, monke
     def full(_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(entry._VERBS["schema"], "run", full)
+    monkeypatch.setattr(small, "schema", full)
     outcome = run("schema", "record")
     assert outcome.status == 3
     assert "stdout cannot be written, No space left on device" in outcome.fault
@@ -215,7 +216,7 @@ def test_what_a_verb_may_hold_grows_with_its_inputs(run, tmp_path, monkeypatch):
         seen.append(resource.getrlimit(resource.RLIMIT_AS)[0])
         raise MemoryError
 
-    monkeypatch.setattr(entry._VERBS["validate"], "run", read)
+    monkeypatch.setattr(small, "validate", read)
     before = resource.getrlimit(resource.RLIMIT_AS)
     for size in (1, 1 << 28):
         (tmp_path / "a.nc").touch()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +24,8 @@ from data_schemas.film_description import load_description
 from data_schemas.layouts import CONVENTIONS, LAYOUTS
 from data_schemas.reading import skim
 from data_schemas.scene_motion import Table
-from pipeline.cli import import_csv as verb
+from pipeline.cli import small
+from pipeline.cli.parser import parser_of
 from pipeline.film.scan.opening import open_scan
 from pipeline.importing.record import ImportOptions, import_csv
 from synth import films, load_film
@@ -75,14 +74,7 @@ def _constants(table: Path) -> None:
         swing.write_text("0 0.01\n1 -0.01\n2 0.01\n")
     words = [str(swing), "--instrument", str(table), "-o", str(table.with_name("swing.record.nc")), "--force"]
     with contextlib.redirect_stdout(io.StringIO()):
-        verb.run(_parser().parse_args(words))
-
-
-@cache
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser()
-    verb.add_options(parser)
-    return parser
+        small.import_table(parser_of("import").parse_args(words))
 
 
 def _importing(**options: Any) -> Read:

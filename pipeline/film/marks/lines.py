@@ -24,7 +24,7 @@ NONE = "film: no marks beside the traces were found; check that the film bears t
 GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ticks; fewest groups
 WIDE = 8  # groups that are looked at together at first
 PLACES, ROWS = 7, 1024  # sections that are looked at first, and rows in each
-STANDS_OUT, FAINTEST = 8.0, 0.02  # of a peak: sigmas, and darkness
+STANDS_OUT, FAINT_DARK, FAINT_BRIGHT = 8.0, 0.02, 0.01  # of a peak: sigmas, and darkness, of dark and of bright ones
 FEWEST = 3  # peaks in a section
 MOSTLY = 0.6  # of groups or sections, that show marks
 STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 2 degrees, and rows by which it is found
@@ -70,7 +70,7 @@ class Lines(NamedTuple):
         """Rows of the marks' peaks, and their breadths, rows, at half their height."""
         from scipy.signal import find_peaks, peak_widths
 
-        least = max(STANDS_OUT * self.noise, FAINTEST)
+        least = max(STANDS_OUT * self.noise, FAINT_BRIGHT if self.kind == "bright-lines" else FAINT_DARK)
         top, _ = find_peaks(self.light, height=least, prominence=0.5 * least)
         top = top[self.light[top] > USUAL * np.median(self.light[top])] if top.size else top
         return top, peak_widths(self.light, top)[0]
@@ -143,8 +143,9 @@ def noise_of(each: NDArray[np.floating], number: int) -> float:
 
 def shown(light: NDArray[np.floating], noise: float) -> int:
     """Whether rows with 1 sigma of `noise` show some peaks, dark (1) or bright (-1), or none (0)."""
-    away, least = light - np.median(light), max(STANDS_OUT * noise, FAINTEST)
-    counts = [int(np.count_nonzero(np.diff((sign * away > least).astype(np.int8)) > 0)) for sign in (1, -1)]
+    away = light - np.median(light)
+    shown_by = (away > max(STANDS_OUT * noise, FAINT_DARK), -away > max(STANDS_OUT * noise, FAINT_BRIGHT))
+    counts = [int(np.count_nonzero(np.diff(peaks.astype(np.int8)) > 0)) for peaks in shown_by]
     return 0 if max(counts) < FEWEST else 1 if counts[0] >= counts[1] else -1
 
 

@@ -2,11 +2,8 @@
 
 Gravity is a generalised least-squares estimate, w'y: its variance is the sum of what each independent source brings,
 and to first order the weights do not change with the sources. A constant with a prior of variance P, whose posterior
-covariance with gravity is C, brings C^2/P; noise of a kind brings the derivative of the variance by the logarithm of
-its own.
+covariance with gravity is C, brings C^2/P; noise brings the derivative of the variance by the logarithm of its own.
 """
-
-from __future__ import annotations
 
 import math
 from dataclasses import replace
@@ -48,10 +45,7 @@ PLACES = 256  # moments at which a zero that drifts or steps is squared
 
 
 def shares(fit: Fitted, whole: float) -> dict[str, float]:
-    """Shares of each source in the variance of mean gravity; they add up to 1.
-
-    `whole`: that variance over gravity's square, of all explanations, with all doubts.
-    """
+    """Shares of each source in the variance of mean gravity; `whole`: that over gravity's square, with all doubts."""
     constants, covariance = fit.solution.constants, fit.solution.covariance
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     along = row @ covariance

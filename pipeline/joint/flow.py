@@ -1,15 +1,12 @@
 """One step of the lattice: exact flow of the linear part with its process noise, nodes of the remainder.
 
-State: angle and speed of each pendulum, then the ship's states. With kappa_i = n_i^2 at reference gravity and G gravity
-over reference gravity,
+State: angle and speed of each pendulum, then the ship's states. With kappa_i = n_i^2 at reference gravity, G gravity, U
+and Z the ship's horizontal and vertical acceleration, these over *reference* gravity,
 
     theta_i'' = -2 gamma_i theta_i' - kappa_i [(G + Z) sin theta_i + U cos theta_i] + kicks
 
-where U and Z are the ship's horizontal and vertical acceleration over *reference* gravity: gravity itself
-stands in one place alone. Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
+Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
 """
-
-from __future__ import annotations
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -83,20 +80,8 @@ def flow(
     sway: float = 0.0,
     heave_noise: float = 0.0,
 ) -> Flow:
-    """Matrices of a step, s, of at most 1.3 rad of the swing.
-
-    Parameters
-    ----------
-    components : tuple
-        Of the ship's motion.
-    kick : (p,) tuple
-        Intensities of the random kicks, rad s-1/2.
-    sway : float
-        Horizontal acceleration of the support over reference gravity by a pendulum that is a radian aside; a support
-        that yields has less than nothing.
-
-    All others as in `Flow`.
-    """
+    """Matrices of a step, s, of at most 1.3 rad of the swing; as in `Flow`, and `kick`, (p,): intensities of the random
+    kicks, rad s-1/2; `sway`: acceleration of the support over reference gravity by a pendulum a radian aside."""
     from scipy.linalg import expm
 
     count, ship = len(kappa), Ship.of(components)

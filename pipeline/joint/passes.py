@@ -1,7 +1,5 @@
 """What a pass over the lattice takes and leaves behind."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

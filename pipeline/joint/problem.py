@@ -206,24 +206,9 @@ class Problem:
         gate: float = 0.0,
         root: Floats | None = None,
     ) -> tuple[Solution, passes.Pass]:
-        """One pass with derivatives by all constants, and their solution.
-
-        Parameters
-        ----------
-        span : (int, int), optional
-            First node and the one behind the last; the whole record by default. START belongs to the first node.
-        about : (k, d) array
-            Path about which the flow is linearised.
-        gate : float
-            Readings so many deviations off are left out; 0: none.
-        root : (c, c) array, optional
-            Root of the priors' covariance where they are not independent.
-
-        Raises
-        ------
-        LinAlgError
-            A covariance lost its sign: the assumptions do not go with the readings at all.
-        """
+        """One pass with derivatives by all constants, and their solution; LinAlgError where a covariance lost its sign.
+        `span`: first node, to which START belongs, and the one behind the last; `about`: (k, d) path of the
+        linearisation; `gate`: readings so many deviations off are left out (0: none); `root`: (c, c), of the priors."""
         begin, end = (0, self.lattice.nodes) if span is None else span
         task, of = self._task(assumed, constants, about, gate)
         _go(task, begin, end, of, NOTHING_KEPT)

@@ -101,13 +101,7 @@ class Joint:
 
 
 def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
-    """Fit the joint model to a record.
-
-    Raises
-    ------
-    RecordError, RefusedError, UsageError
-        As `pipeline.process`.
-    """
+    """Fit the joint model to a record; RecordError, RefusedError, UsageError as `pipeline.process`."""
     started = clock.perf_counter()
     gathered = gather(record)
     lattice = gathered.problem.lattice

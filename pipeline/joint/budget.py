@@ -21,23 +21,12 @@ from pipeline.ledger.own import CLOCK_STEPS, SCALE, ZERO
 
 LARGER = 1.1  # a noise, for its share
 SOURCES = {
-    kinds.RATIO: "ratio",
-    kinds.SWAY: "ratio",
-    kinds.DAMPING: "damping",
-    kinds.QUADRATIC: "damping",
-    kinds.DRY: "damping",
-    kinds.FADE: "damping",
-    kinds.ZERO: "zero",
-    kinds.STEP: "zero",
-    kinds.DRIFT: "zero",
-    kinds.GAIN: "scale",
-    kinds.CUBIC: "scale",
-    kinds.DELAY: "clock",
-    kinds.CLOCK: "clock",
-    kinds.HEAVE_SCALE: "heave",
-    kinds.HEAVE_DELAY: "heave",
-    kinds.READ_HEAVE_SCALE: "heave",
-    kinds.READ_HEAVE_DELAY: "heave",
+    **dict.fromkeys((kinds.RATIO, kinds.SWAY), "ratio"),
+    **dict.fromkeys((kinds.DAMPING, kinds.QUADRATIC, kinds.DRY, kinds.FADE), "damping"),
+    **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "zero"),
+    **dict.fromkeys((kinds.GAIN, kinds.CUBIC), "scale"),
+    **dict.fromkeys((kinds.DELAY, kinds.CLOCK), "clock"),
+    **dict.fromkeys((kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), "heave"),
     kinds.KNOCK: "kicks",
 }  # Of a constant's uncertainty
 ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}  # Of the ledger, and the constants that make them up

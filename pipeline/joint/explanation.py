@@ -161,8 +161,7 @@ def shifted(constants: Constants, path: Floats, begin: int) -> Constants:
 
 
 def angles(fit: Fitted, times: Floats) -> Floats:
-    """Angles of pendulums, (n, p), at times since the first node, s; between nodes a cubic and a swing, exact for
-    one."""
+    """Angles of pendulums, (n, p), at times since the first node, s: a cubic and a swing, exact for a swing."""
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
     lattice, path = problem.lattice, fit.path.astype(np.float64)

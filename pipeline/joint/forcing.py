@@ -144,14 +144,7 @@ def jolt(flow: Flow, n: int, steps: Steps) -> None:
 
 @kernel
 def derive_errors(
-    readings: Readings,
-    columns: Columns,
-    which: int,
-    node: float,
-    slots: Slots,
-    state: Floats,
-    seen: Floats,
-    j: int,
+    readings: Readings, columns: Columns, which: int, node: float, slots: Slots, state: Floats, seen: Floats, j: int
 ) -> None:
     """What the constants of a trace add to the derivatives of what is seen of a reading of time `node`, s: row j of
     `seen`, which holds what the reading's row makes of `state`, (d, c + 1)."""

@@ -133,25 +133,13 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     damping = known["damping_rate"]
     return Gathered(
         Problem(
-            lattice,
-            frequency**2,
-            np.zeros(len(labels)) if damping is None else np.asarray(damping),
-            screening.far_off(lattice.trace, lattice.value, series.shape[0]),
-            spline,
-            _track(known, all_times, lattice),
-            steps,
-            *(_of_film(record, lattice) if "film" in record.children else ()),
+            lattice, frequency**2, np.zeros(len(labels)) if damping is None else np.asarray(damping),
+            screening.far_off(lattice.trace, lattice.value, series.shape[0]), spline,
+            _track(known, all_times, lattice), steps, *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
-        labels,
-        known,
-        np.append(stated, accelerations),
-        white,
-        doubt,
-        still,
-        tilts,
-        "film" in record.children,
+        labels, known, np.append(stated, accelerations), white, doubt, still, tilts, "film" in record.children,
         partial(gather, record, calm=False),
-    )
+    )  # fmt: skip
 
 
 def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict[str, Any]) -> None:

@@ -63,8 +63,7 @@ class Lattice:
 
 def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE) -> Lattice:
     """Lay series, (t or t + 2, n), at times, (n,) s, on a lattice: traces, then horizontal and vertical acceleration
-    over reference gravity; NaN = missing. `frequency` of the swing, rad s-1; `angle`, rad of it that a node's readings
-    share."""
+    over reference gravity; NaN = missing. `frequency` of the swing, rad s-1; `angle`, rad of it for one node."""
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
     least = float(spacing.min(initial=np.inf))
@@ -83,15 +82,9 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
     order = np.lexsort((trace, at))
     trace, at = trace[order], at[order]
     return Lattice(
-        start=start,
-        step=step,
-        nodes=int(node[-1]) + 1,
-        node=node[at],
-        trace=trace.astype(np.int8),
-        offset=offset[at],
-        value=series[trace, at],
-        combination=np.ascontiguousarray(combination, dtype=np.float64),
-    )
+        start=start, step=step, nodes=int(node[-1]) + 1, node=node[at], trace=trace.astype(np.int8), offset=offset[at],
+        value=series[trace, at], combination=np.ascontiguousarray(combination, dtype=np.float64),
+    )  # fmt: skip
 
 
 def folded(frequency: float, step: float) -> float:

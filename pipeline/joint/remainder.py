@@ -27,16 +27,13 @@ class Steps(NamedTuple):
     shift: Floats  # (8, n) what U and Z are moved by along the path itself
     rest: Floats  # (p, 6, 4, n) see `LEFT`
     by: Floats  # (p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node
-    weight: Floats
-    """(p, 2, 4, n) angle and speed at the end to an acceleration at each node, which moves the angles at the others
-    too."""
+    weight: Floats  # (p, 2, 4, n) angle and speed at the end to an acceleration at each node, that moves the others too
     factor: Floats  # (p, 16, 2, n) derivatives of angle and speed at the end to those four at each node
     swing: Floats  # (p, 2 n, d) what that adds to their derivatives by the state
     extra: Floats  # (2 p, n) what the steps add to the pendulums beside what the derivatives do
     push: Floats
-    """(f + 1 + 2 + 4, 2 p, n) derivatives by the constants that move the pendulums; `extra`; where vertical motion is
-    not recorded, by what drives Z and its derivative within the step; where it is, impulses of the recording's
-    noise."""
+    """(f + 1 + 2 + 4, 2 p, n) derivatives by the constants that move the pendulums; `extra`; by what drives Z and its
+    derivative within the step where it is not recorded, or by impulses of the recording's noise."""
     room: Floats  # (8, n)
 
 
@@ -199,8 +196,7 @@ def join_ends(flow: Flow, n: int, steps: Steps) -> None:
 
 @kernel
 def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> None:
-    """Derivatives of what the linear flow leaves in steps from k, and what they make of the state; `known`: Z, (k,
-    4)."""
+    """Derivatives of what the linear flow leaves in steps from k, and what they add times the state."""
     nodes, shift, rest, room, response = steps.nodes, steps.shift, steps.rest, steps.room, flow.response
     by, weight, extra, factor = steps.by, steps.weight, steps.extra, steps.factor
     count, gravity = flow.kappa.size, flow.gravity

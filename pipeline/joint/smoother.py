@@ -11,17 +11,9 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 @kernel
 def smooth(
-    task: Task,
-    begin: int,
-    end: int,
-    pushed: Floats,
-    state: Floats,
-    covariance: Floats,
-    whitened: Floats,
-    keep: Kept,
-    adjoint: Floats,
-    path: Floats,
-) -> None:
+    task: Task, begin: int, end: int, pushed: Floats, state: Floats, covariance: Floats, whitened: Floats, keep: Kept,
+    adjoint: Floats, path: Floats,
+) -> None:  # fmt: skip
     """Smoothed states of a stretch, into `path`, (s, d): adjoints backwards, then states forward by what drives them
     (Koopman 1993). `pushed`, (f + 1,): change of the constants that move the pendulums since the sweep, last 1;
     `state`, (d,), changed, and `covariance`, predicted for the first node, and errors `whitened`, (r,), at the changed
@@ -68,17 +60,9 @@ def step_back(keep: Kept, s: int, ahead: Floats, adjoint: Floats, later: Floats)
 
 @summing_kernel
 def step_on(
-    flow: Flow,
-    keep: Kept,
-    s: int,
-    onward: Floats,
-    driven: Floats,
-    pushed: Floats,
-    path: Floats,
-    state: Floats,
-    before: Floats,
-    felt: Floats,
-) -> None:
+    flow: Flow, keep: Kept, s: int, onward: Floats, driven: Floats, pushed: Floats, path: Floats, state: Floats,
+    before: Floats, felt: Floats,
+) -> None:  # fmt: skip
     """The smoothed state of the node after s, (d,), and what drives it, by the next adjoint, still in `path`."""
     two, size = keep.swing.shape[1], state.size
     for q in range(size):

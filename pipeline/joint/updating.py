@@ -190,8 +190,7 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain
 
 @summing_kernel
 def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floats) -> None:
-    """Take off what readings move states, (d, n), by; rows of `gain`, (u, d), and `seen`, (u, n), are padded to
-    fours."""
+    """Take off what readings move states, (d, n), by; `gain`, (u, d), and `seen`, (u, n), go on in zeros to fours."""
     for j in range(used, max(used + (-used) % 4, 4)):
         for r in range(predicted.shape[0]):
             gain[j, r] = 0.0

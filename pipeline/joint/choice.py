@@ -344,7 +344,8 @@ def feeds(constants: Constants) -> bool:
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
-    """Gravity over reference gravity and its 1 sigma, over close explanations; mere sizes of one share its weight."""
+    """Gravity over reference gravity and its 1 sigma, over the explanations that stay close; those that differ by a
+    size alone share what is due to one."""
     duration = fit.model.problem.lattice.duration
     parts, alike = [], Counter(model.words for _, model, _ in close)
     for value, model, solution in (fit.candidate(), *close):

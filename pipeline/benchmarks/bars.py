@@ -86,13 +86,7 @@ def efficiency(count: int) -> Iterator[Row]:
 
 
 def of_few(limit: float, count: int, full: int) -> float:
-    """A limit on a ratio of root mean squares from fewer records than the promise names.
-
-    The scatter of such a ratio is 1/sqrt(2 count); the limit grows by three times what it gains over the full count.
-
-    >>> of_few(1.1, 400, 400)
-    1.1
-    """
+    """Limit on a ratio of scatter 1/sqrt(2 count), widened by three times what that exceeds 1/sqrt(2 full) by."""
     return limit * (1.0 + 3.0 * max(math.sqrt(0.5 / count) - math.sqrt(0.5 / full), 0.0))
 
 

@@ -1,7 +1,4 @@
-"""Suite `batch`: what a record costs in a batch beside a bare loop, one process and two.
-
-One row a way: wall time from one record to the next, and processor time of all processes; then every promise.
-"""
+"""Suite `batch`: wall and processor time of a record in a batch, one process and two, beside a bare loop; promises."""
 
 import json
 import statistics

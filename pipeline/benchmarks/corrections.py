@@ -26,8 +26,7 @@ from synth import simulate
 SWELLS = (24, 25, 26, 27, 28, 29)  # seeds of the swell; the records that are shown have the first
 METHODS = (*PAIR_METHODS, "joint")
 HONEST = {"general": 0.1, "shooting": 0.005, "joint": 0.005}
-"""Methods that reduce what acts on real pendulums, and what is promised of them without noise, mGal, of which no sigma
-speaks."""
+"""Methods that reduce what acts on real pendulums, and what is promised without noise, mGal, beyond their sigma."""
 SIGMAS = 5.0
 MARKS: Mapping[str, tuple[str, str]] = {
     "uncorrected": (SKY, "v"), "vening-meinesz": (VERMILION, "^"), "panteleev": (ORANGE, "s"), "general": (BLUE, "D"),
@@ -73,8 +72,7 @@ REAL = (
     "swell", "near-resonant", "heave recorded", "large arcs", "dampings that differ", "reading noise",
     "few samples a swing", "short record",
 )  # fmt: skip
-"""Kinds of the suite `honesty`, at its middle strength, on which also the paper's formulas and the exact identities are
-tried."""
+"""Kinds of the suite `honesty`, at its middle strength, for the paper's formulas and the exact identities too."""
 
 
 def kinds(*, quick: bool) -> list[Kind]:

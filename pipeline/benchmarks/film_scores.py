@@ -133,10 +133,8 @@ def marks(index: NDArray[np.int64], row_of_trace: Floats, shift: float, interval
 
 
 def own_reading(path: str | os.PathLike[str], truth: Truth, interval: float) -> Row:
-    """Scores of a film read as `digitise` does, and Mpx a CPU second; `IsochronyError` where it declines.
-
-    A time axis without a minute's code is right up to a shift by whole marks; one that shifts on the way has slipped.
-    """
+    """Scores of a film read as `digitise` does, and Mpx a CPU second; `IsochronyError` where it declines. A time axis
+    without a minute's code is right up to a shift by whole marks; one that shifts on the way has slipped."""
     (found, _), spent = timed(partial(read, path))
     names = order(found.tracks.position, truth)
     qc, lit = found.tracks.qc[names], np.isfinite(truth.column)

@@ -39,11 +39,8 @@ _HEADINGS = {"sea": "Ship, pendulums, reading", "instrument": "Instrument"}
 
 
 def reduced(made: Made, method: str) -> Row:
-    """Reduce a record as a user would, from what it states.
-
-    The row has ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``, ``flags``, ``refused`` (why), ``band_z``
-    (of gravity along the track) and ``seconds`` of processor time.
-    """
+    """Reduce a record as a user would; the row has ``resolved`` (method), ``error_mgal``, ``sigma_mgal``, ``z``,
+    ``flags``, ``refused`` (why), ``band_z`` (of gravity along the track) and ``seconds`` of processor time."""
     from pipeline.processing import process
     from pipeline.summary import summaries
 
@@ -144,12 +141,9 @@ def bars(rows: Sequence[Row]) -> list[Row]:
 def run(
     *, quick: bool, folder: Path | None, methods: Sequence[str] = ("auto",), only: str = "", seeds: int | None = None
 ) -> Iterator[Row]:
-    """Yield a row a kind and strength, then sums by strength, then the promises.
-
-    Quick: a few kinds, and fewer records of each; tables, pictures and finished records go into the folder. `methods`
-    as `pipeline.process` takes them, one at a time; `only` is a group or part of a kind's name, empty for all; `seeds`
-    is the number of records of each kind and strength.
-    """
+    """Yield a row a kind and strength, then sums by strength, then the promises. `methods` as `pipeline.process` takes
+    them, one at a time; `only` is a group or part of a kind's name, empty for all; `seeds` is the number of records of
+    each kind and strength; quick: a few kinds, and fewer records."""
     kinds = [name for name in KINDS if only in name or name in GROUPS.get(only, ())]
     kinds = [name for name in kinds if only or not quick or name in QUICK]
     if not kinds:

@@ -121,11 +121,9 @@ def _apart(rows: Sequence[Row], others: Sequence[Row], key: str, relative: bool 
 
 
 def lock_map(size: int, folder: Path | None) -> tuple[Floats, Floats, list[Row]]:
-    """Chi across, tau up, and a row for each tau: whether each pair locked, and CPU time.
-
-    Clocks begin a tenth of a radian off quadrature and swing 2,000 times. Locked is who has not slipped in the last
-    third: slips that take longer than all of it are not seen, which widens the narrow ends of the tongue.
-    """
+    """Chi across, tau up, and a row for each tau: whether each pair locked, and CPU time. Clocks begin a tenth of a
+    radian off quadrature; locked is who has not slipped in the last third of 2,000 swings: slower slips are not seen,
+    which widens the narrow ends of the tongue."""
     taus, chis = np.linspace(*TAUS, size), np.linspace(0.0, MOST_CHI, size + 1)[1:]
     rows = []
     for tau in progress(taus.tolist(), "lock map"):

@@ -1,9 +1,8 @@
 """Suite `integrators`: error against run time of every propagator and of the peers, and bars.
 
-Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns; whoever takes
-longer than a few seconds is timed once. Bars: times faster than peers at equal or smaller error, on points of one run.
-Peers (the extra `peers`) are general integrators, each by its fastest face: right-hand sides compiled by Numba
-(heyoka's from formulas), Jacobians for whoever takes them. With a folder: a picture.
+Times are processor times of all threads, warm, medians of five rounds in which the rivals take turns. Bars: times
+faster than peers at equal or smaller error, on points of one run. Peers (the extra `peers`) are general integrators,
+each by its fastest face: compiled right-hand sides, Jacobians for whoever takes them. With a folder: a picture.
 """
 
 import math
@@ -192,10 +191,8 @@ def tolerances(problem: Problem, method: str, *, quick: bool) -> Sequence[float]
 
 def sweep(problem: Problem, truth: Reference, *, quick: bool, names: Sequence[str] | None = None) -> list[Row]:
     """A row a contender, all by default, and tolerance (NaN where none can be asked for): error of the angles relative
-    to the largest, the propagator's own estimate of it (NaN for peers), processor time, or why there is no value.
-
-    One that declines is noted with its reason and not asked for more.
-    """
+    to the largest, the propagator's own estimate of it (NaN for peers), processor time, or why there is no value: who
+    declines is not asked for more."""
     rows: list[Row] = []
     runners: dict[str, Call] = {}
     for method in progress(contenders(problem) if names is None else names, problem.name):

@@ -1,12 +1,9 @@
 """What one record of the suite is made with, and the kinds of disturbance: what varies with the strength, what else.
 
-The defaults are the record on which every kind builds: half an hour of two pendulums at 10 Hz in a swell that costs
-one milligal if ignored, read to 1e-5 rad, its law and damping stated. What is not here (period, difference of the
-periods, gravity, phases, the sea's harmonics) is drawn for each record.
-
-Strengths are chosen so that a reduction that ignores the disturbance errs by about .1, 1 and 10 mGal or more, where the
-physics gives a figure. Group `sea` is the world and the reading; group `instrument` is constants and faults of the
-apparatus: zeros, tilt, accelerometer, gains, delays, clocks, clipping.
+The defaults are the record on which every kind builds: half an hour of two pendulums at 10 Hz in a swell that costs one
+milligal if ignored, read to 1e-5 rad, its law and damping stated; what is not here is drawn for each record. Strengths
+are such that a reduction that ignores the disturbance errs by about .1, 1 and 10 mGal or more, where the physics gives
+a figure. Group `sea` is the world and the reading; group `instrument` is constants and faults of the apparatus.
 """
 
 import tomllib

@@ -1,12 +1,10 @@
 """Suite `paper`: the figures and claims of Panteleev (1958), each beside what is computed here.
 
 The paper argues that gravity at sea cannot be had from one pendulum, because a forcing close to its own frequency
-disturbs its period by 2e-3 s, and can be had from the difference of two; and that what it neglects is small.
-
-What the neglected terms are worth: each figure is the error of gravity that leaving the term out would cause, positive
-where gravity would come out too large. A term is known as a correction of the phase speed; it is integrated and
-regressed with the weights of the phase, as the correction itself is. Between (26) and (27) the paper drops, averaged
-over a swing,
+disturbs its period by 2e-3 s, and can be had from the difference of two; and that what it neglects is small. Each
+figure of that is the error of gravity that leaving the term out would cause, positive where gravity would come out too
+large: integrated and regressed with the weights of the phase, as the correction itself is. Between (26) and (27) the
+paper drops, averaged over a swing,
 
     (n1-n2) (Theta1/2 n1 a) [(Phi1' - n1) cos(Phi1-phi) + (Theta1'/Theta1) sin(Phi1-phi)]
 
@@ -42,12 +40,9 @@ _DIFFERENCE = 1e-5  # s, T1 - T2
 
 
 def neglected_terms(ready: Prepared) -> dict[str, float]:
-    """Size of every term that the paper neglects, mGal; `RefusedError` where the difference has no usable phase.
-
+    """Size of every term that the paper neglects, mGal; `RefusedError` where the difference has no usable phase:
     `first_speed` (n1-n2)(Phi1'-n1); `first_growth` (n1-n2) Theta1'/Theta1; `forcing` (n1-n2) xi/g; `slow_difference`
-    psi1-psi2; `damping_difference` gamma1-gamma2 (0 where the record states none); `finite_arc` -n Theta^2/16 of both
-    pendulums.
-    """
+    psi1-psi2; `damping_difference` gamma1-gamma2 (0 if not stated); `finite_arc` -n Theta^2/16 of both pendulums."""
     found = phases(ready)
     envelope, seen = found.envelope, ready.observation
     frequency = ready.fine.frequency

@@ -4,8 +4,7 @@
               - (1/l) [(g(t) + z'') sin theta + x'' cos theta]
 
 Each step is Gragg's modified midpoint rule with 2, 4, 6, 8 and 10 substeps, extrapolated to order 10 (Hairer, Norsett
-and Wanner, Solving Ordinary Differential Equations I, II.9). The support's motion is a sum of harmonics (seas of a
-JONSWAP form, single lines of machinery) and of slow pulses.
+and Wanner, Solving Ordinary Differential Equations I, II.9).
 """
 
 import math
@@ -41,11 +40,9 @@ class Motion(NamedTuple):
 
 
 def sea(random: np.random.Generator, period: float, across: float, along: float) -> Motion:
-    """A sea of given peak period, s, with harmonics at random frequencies, amplitudes and phases.
-
-    `across` and `along` are root mean squares of x'' and z'', m/s^2. Particles move in circles, x'' a quarter of a
-    swing from z'', but for what a hull adds to each harmonic.
-    """
+    """A sea of given peak period, s, with harmonics at random frequencies, amplitudes and phases; `across` and `along`:
+    rms of x'' and z'', m/s^2. Particles move in circles, x'' a quarter of a swing from z'', but for what a hull adds to
+    each harmonic."""
     edges = np.linspace(_LOW, _HIGH, _HARMONICS + 1) / period
     frequency = random.uniform(edges[:-1], edges[1:])
     width = np.where(frequency <= 1.0 / period, 0.07, 0.09)
@@ -167,11 +164,9 @@ def _integrate(
 
 
 def integrate(times: Floats, start: Floats, own: Pendulums, support: Support, kicks: Floats) -> tuple[Floats, Floats]:
-    """Elongations (pendulums, samples), rad, at given times; and the state (pendulums, 2) at the last of them.
-
-    `times` (samples,) increase, s; `start` (pendulums, 2) holds at the first, elongation rad and its rate rad/s;
-    `kicks` (pendulums, samples) change the rate at each sample, rad/s over the root of the interval in s, or are zero.
-    """
+    """Elongations (pendulums, samples), rad, at times (samples,), s; and the state (pendulums, 2) at the last. `start`
+    (pendulums, 2): elongation rad and rate rad/s at the first; `kicks` (pendulums, samples) change the rate at each,
+    rad/s over the root of the interval in s, or are zero."""
     out, state = np.empty((start.shape[0], times.size)), start.copy()
     fastest = float(np.max(support.rate, initial=0.0))
     longest = _KINKED if own.quadratic.any() or own.friction.any() else LONGEST

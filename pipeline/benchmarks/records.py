@@ -1,7 +1,5 @@
-"""A record of the suite by kind, strength and seed alone, with the gravity that it should give.
-
-What instrument and reading make of elongations comes first: each fault a few lines, in the order of nature.
-"""
+"""A record of the suite by kind, strength and seed alone, with the gravity that it should give: first what instrument
+and reading make of elongations, each fault a few lines, in the order of nature."""
 
 import copy
 import hashlib

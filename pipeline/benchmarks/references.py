@@ -1,10 +1,8 @@
 """What the problems' errors are measured against: another method, and tighter.
 
 Extreme motions: closed forms in many digits (mpmath). Problems of integrators: Taylor integration in 80-bit arithmetic
-at 1e-18 (heyoka), or an own integrator at its tightest where heyoka is not installed; the row says which.
-
-A swing moves by 1e-12 in an hour's last half bit of time: answers are compared at those readings alone whose instants
-are doubles exactly. Equations are given to heyoka in 80 bits, so that products of constants are rounded once.
+at 1e-18 (heyoka), or an own integrator at its tightest where heyoka is not installed; the row says which. A swing moves
+by 1e-12 in an hour's last half bit of time: answers are compared where instants are doubles exactly.
 """
 
 import importlib.util
@@ -33,10 +31,8 @@ _BETWEEN = 400  # instants besides, closer towards the start, which show how lar
 def linear(
     frequency: Iterable[float], damping: Iterable[float], start: Sequence[float], swell: Swell, instants: Instants
 ) -> Floats:
-    """Linear pendulums under harmonics, however damped, at resonance too; (instants, pendulums), rad.
-
-    Resonance and critical damping are approached to 1e-40 in 100 digits, which is their limit to 40.
-    """
+    """Linear pendulums under harmonics, however damped, (instants, pendulums), rad; resonance and critical damping are
+    approached to 1e-40 in 100 digits, which is their limit to 40."""
     mpmath: Any = import_module("mpmath")
     mp, mpf, mpc = mpmath.mp, mpmath.mpf, mpmath.mpc
     found = np.empty((len(instants), len(start) // 2))

@@ -47,11 +47,8 @@ def two_pendulums(
     amplitudes: tuple[float, float] = (0.006, 0.012), damping_rates: tuple[float, float] = (0.0, 0.0),
     gravity: float = GRAVITY, duration: float | None = None, restoring: str = "linear", seed: int = 0, **recording: Any,
 ) -> Scene:  # fmt: skip
-    """Two pendulums on a moving support, swell by default, for half an hour.
-
-    `relative_difference` is eps = (n1 - n2)/n2, amplitudes are of the free harmonics at the start, rad, `seed` is of
-    all chance in the scene, `recording` are fields of the scene's recording.
-    """
+    """Two pendulums on a moving support, swell by default, for half an hour. `relative_difference` is (n1 - n2)/n2,
+    amplitudes of the free harmonics at the start, rad; `seed` of all chance; `recording` fields of the scene's."""
     pendulums = []
     for k, period in enumerate((PERIOD / (1.0 + relative_difference), PERIOD)):
         start = {"kind": "free", "amplitude": amplitudes[k], "phase": (0.4, 2.2)[k]}

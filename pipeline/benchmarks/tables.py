@@ -203,10 +203,8 @@ def draw_history(lines: Sequence[Row], path: Path) -> None:
         some = [line for line in judged if line["bar"] == bar]
         places = [runs.index(line["date"]) + 1 for line in some]
         ratios = [(line["value"] / float(line["limit"][3:])) ** (-1 if line["limit"][0] == "<" else 1) for line in some]
-        words, style = (
-            f"{bar}: {some[-1]['value']:.3g} ({some[-1]['limit']})",
-            "o--" if number >= len(PALETTE) else "o-",
-        )
+        words = f"{bar}: {some[-1]['value']:.3g} ({some[-1]['limit']})"
+        style = "o--" if number >= len(PALETTE) else "o-"
         axes.plot(places, ratios, style, color=color_of(number), markersize=4, label=words)
     axes.set_xticks(range(1, len(runs) + 1))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -1,7 +1,5 @@
 """Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -31,10 +29,7 @@ UNITS = {
 
 
 def constants(problem: Problem, known: dict[str, Any]) -> Constants:
-    """What is not exactly known: zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty.
-
-    `known`: what /instrument states; see `pipeline.observation.instrument`.
-    """
+    """Zeros; scale and delay, or bias, of a recorded heave; what has a stated uncertainty in /instrument (`known`)."""
     stated, gravity, traces = known["constants"], float(known["reference_gravity"]), range(problem.traces)
     across, up = "horizontal_acceleration", "vertical_acceleration"
 
@@ -67,11 +62,8 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
 
 
 def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
-    """What may be wrong all along, beside constants that are sought already.
-
-    Of gains and periods only as many show as there are differences: one more would be the scale of all, which nothing
-    but the arcs tells.
-    """
+    """What may be wrong all along, beside constants that are sought already; of gains and periods only as many as there
+    are differences: one more would be the scale of all, which nothing but the arcs tells."""
     half = 0.5 * problem.lattice.duration
     traces = range(problem.traces)
     found = [Constant(f"drift of trace {j + 1}", kinds.DRIFT, ZERO, j, centre=half, width=half) for j in traces]

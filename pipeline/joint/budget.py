@@ -2,11 +2,8 @@
 
 Gravity is a generalised least-squares estimate, w'y: its variance is the sum of what each independent source brings,
 and to first order the weights do not change with the sources. A constant with a prior of variance P, whose posterior
-covariance with gravity is C, brings C^2/P; noise of a kind brings the derivative of the variance by the logarithm of
-its own.
+covariance with gravity is C, brings C^2/P; noise brings the derivative of the variance by the logarithm of its own.
 """
-
-from __future__ import annotations
 
 import math
 from dataclasses import replace
@@ -24,23 +21,12 @@ from pipeline.ledger.own import CLOCK_STEPS, SCALE, ZERO
 
 LARGER = 1.1  # a noise, for its share
 SOURCES = {
-    kinds.RATIO: "ratio",
-    kinds.SWAY: "ratio",
-    kinds.DAMPING: "damping",
-    kinds.QUADRATIC: "damping",
-    kinds.DRY: "damping",
-    kinds.FADE: "damping",
-    kinds.ZERO: "zero",
-    kinds.STEP: "zero",
-    kinds.DRIFT: "zero",
-    kinds.GAIN: "scale",
-    kinds.CUBIC: "scale",
-    kinds.DELAY: "clock",
-    kinds.CLOCK: "clock",
-    kinds.HEAVE_SCALE: "heave",
-    kinds.HEAVE_DELAY: "heave",
-    kinds.READ_HEAVE_SCALE: "heave",
-    kinds.READ_HEAVE_DELAY: "heave",
+    **dict.fromkeys((kinds.RATIO, kinds.SWAY), "ratio"),
+    **dict.fromkeys((kinds.DAMPING, kinds.QUADRATIC, kinds.DRY, kinds.FADE), "damping"),
+    **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "zero"),
+    **dict.fromkeys((kinds.GAIN, kinds.CUBIC), "scale"),
+    **dict.fromkeys((kinds.DELAY, kinds.CLOCK), "clock"),
+    **dict.fromkeys((kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), "heave"),
     kinds.KNOCK: "kicks",
 }  # Of a constant's uncertainty
 ENTRIES = {SCALE.NAME: kinds.GAIN, CLOCK_STEPS.NAME: kinds.CLOCK}  # Of the ledger, and the constants that make them up
@@ -48,10 +34,7 @@ PLACES = 256  # moments at which a zero that drifts or steps is squared
 
 
 def shares(fit: Fitted, whole: float) -> dict[str, float]:
-    """Shares of each source in the variance of mean gravity; they add up to 1.
-
-    `whole`: that variance over gravity's square, of all explanations, with all doubts.
-    """
+    """Shares of each source in the variance of mean gravity; `whole`: that over gravity's square, with all doubts."""
     constants, covariance = fit.solution.constants, fit.solution.covariance
     row = mean_row(fit.solution, fit.model.problem.lattice.duration)
     along = row @ covariance

@@ -1,11 +1,9 @@
 """Competing explanations of a record, weighed by their likelihood: each pays for what it adds.
 
 One pass with the derivatives by every candidate constant prices them all at once; what changes the noise itself (kicks,
-components of the ship's motion) costs a pass of its own. The best is taken, the record fitted anew, and so on until
-nothing pays. Explanations that stay close are averaged into value and sigma.
+components of the ship's motion) costs a pass of its own. The best is taken and the record fitted anew until nothing
+pays.
 """
-
-from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
@@ -70,11 +68,8 @@ def _possible(fit: Fitted) -> list[Constant]:
 
 
 def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:
-    """Each of several constants added alone, those of one name and centre together, or a course: all by one pass.
-
-    A scale or period of one that is off by a tenth of what it may be off by is less rare; where one scale is off, so is
-    their mean.
-    """
+    """Each of several constants added alone, those of one name and centre together, or a course: all by one pass. What
+    is off by a tenth of its prior is less rare; where one scale is off, so is their mean."""
     model, own = fit.model, fit.model.constants
     scaled = any(each.kind == kinds.GAIN and each.index >= 0 and not each.stated for each in own)
     whole = (*own, *extra, *course)
@@ -180,8 +175,7 @@ def simplified(fit: Fitted) -> Fitted:
 
 
 def without_far_heave(fit: Fitted) -> Fitted | None:
-    """Without scale and delay of a recorded heave that lie far from what they may be, where friction or a fault may
-    have brought them there; None where they do not."""
+    """Without a recorded heave's scale and delay where friction or a fault may have moved them far; or None."""
     heave = [each for each in fit.model.constants if each.kind in LEAN[1:]]
     if not any(abs(each.value - each.mean) > FAR * each.prior for each in heave):
         return None
@@ -190,11 +184,8 @@ def without_far_heave(fit: Fitted) -> Fitted | None:
 
 
 def settle(fit: Fitted) -> tuple[Fitted, list[Candidate]]:
-    """Add what pays, the best first; the last fit, and the explanations that stay close to it.
-
-    Kicks of one pendulum leave errors in which motion, a delay and friction pay one after the other: where they paid
-    much, kicks alone are tried as well.
-    """
+    """Add what pays, the best first; the last fit, and the explanations that stay close to it. Kicks of one pendulum
+    leave errors in which motion, a delay and friction pay: where they paid much, kicks alone are tried."""
     settled = _added_up(fit)
     words = [each for each in settled[0].model.words if not each.startswith("horizontal motion")]
     ahead = settled[0].solution.log_likelihood
@@ -247,10 +238,7 @@ def _resized(fit: Fitted, close: list[Candidate]) -> tuple[Fitted, list[Candidat
 
 
 def _rivals(fit: Fitted) -> list[Candidate]:
-    """Other constants, and kicks, that explain nearly as well what was taken explains.
-
-    How likely faults are beforehand is a guess: they count as if they were half as far behind.
-    """
+    """Other constants, and kicks, that explain nearly as well; faults, rare by a guess, count as half as far behind."""
     found, least, model = [], fit.solution.log_likelihood - 2.0 * PAYS, fit.model
     replaced = {each.name: each for each in model.constants if each.kind in REPLACED and each.name in model.words}
     leans = [(fit.without(taken), taken.name, taken.kind not in SCALES) for taken in replaced.values()]
@@ -356,10 +344,8 @@ def feeds(constants: Constants) -> bool:
 
 
 def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
-    """Gravity over reference gravity and its 1 sigma, over the explanations that stay close.
-
-    Those that differ by a size alone share what is due to one.
-    """
+    """Gravity over reference gravity and its 1 sigma, over the explanations that stay close; those that differ by a
+    size alone share what is due to one."""
     duration = fit.model.problem.lattice.duration
     parts, alike = [], Counter(model.words for _, model, _ in close)
     for value, model, solution in (fit.candidate(), *close):
@@ -376,11 +362,8 @@ def averaged(fit: Fitted, close: list[Candidate]) -> tuple[float, float]:
 
 
 def unexplained(fit: Fitted) -> float:
-    """Factor by which the prediction errors exceed the model, in the worst stretch, or near the swing in a
-    difference; at least 1.
-
-    Sums over a tenth of the record, and over a narrow band, scatter by chance: only what exceeds that counts.
-    """
+    """Factor by which the prediction errors exceed the model by more than chance, in the worst stretch of a tenth of
+    the record, or near the swing in a difference; at least 1."""
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     swing = problem.swing
     worst = 1.0

@@ -1,7 +1,5 @@
 """The unknown constants beside the path: what each is, its prior, and the small solve that they share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,17 +79,9 @@ class Solution:
 def solve(
     constants: Constants, normal: Floats, log_deviations: float, count: float, root: Floats | None = None
 ) -> Solution:
-    """Least squares of the prediction errors and the priors.
-
-    Parameters
-    ----------
-    normal : (c + 1, c + 1) array
-        Products of derivatives and errors, the errors last.
-    log_deviations : float
-        Sum over the readings, `count` of them.
-    root : (c, c) array, optional
-        Root of the priors' covariance where they are not independent.
-    """
+    """Least squares of the prediction errors and the priors, whose covariance has the `root`, (c, c), if not
+    independent; `normal`: (c + 1, c + 1) products of derivatives and errors, the errors last; `log_deviations`: sum
+    over `count` readings."""
     if root is None:
         root = np.diag([each.prior for each in constants])
     off = np.linalg.solve(root, np.array([each.value - each.mean for each in constants]))

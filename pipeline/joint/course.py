@@ -1,7 +1,5 @@
 """Gravity along the track: a cubic spline on even knots, with a prior that is smooth in time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 

@@ -99,10 +99,8 @@ class Fitted:
 
 def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted:
     """Gauss-Newton about the smoothed path, until it is straight between the last two, or so many passes are done.
-
-    Paths contract a thousandfold a pass, but in long gaps: the last one needs no smoothing. That of linear pendulums
-    scales derivatives alone: from where it is smoothed under the ship's own spectrum it stays.
-    """
+    Paths contract a thousandfold a pass, but in long gaps: the last needs no smoothing. That of linear pendulums only
+    scales derivatives: smoothed under the ship's own spectrum, it stays."""
     about = grown(about, model.problem.pendulums, model.assumed.ship)
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
@@ -163,10 +161,7 @@ def shifted(constants: Constants, path: Floats, begin: int) -> Constants:
 
 
 def angles(fit: Fitted, times: Floats) -> Floats:
-    """Each pendulum's angle at times since the first node, s, (n, p).
-
-    From node to node a cubic and a swing, by angle, speed and acceleration at both ends: it is exact for a swing.
-    """
+    """Angles of pendulums, (n, p), at times since the first node, s: a cubic and a swing, exact for a swing."""
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
     lattice, path = problem.lattice, fit.path.astype(np.float64)

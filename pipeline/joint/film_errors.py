@@ -1,12 +1,10 @@
 """Errors of a film: of its readings, that repeat with the swing, and of its times, that last for seconds.
 
-Those of a blurred spot or of imperfect optics repeat with the swing: they hold nothing of the period and stay as they
-are, while each of their harmonics would pass for motion of the ship. White noise of the time marks passes to the times
-at low frequencies as it is, up to where the paper moves smoothly: that of the clock's mean rate is the ledger's; what
-varies within the record is cosines here, whose variance is that noise's.
+The first, of a blurred spot or imperfect optics, hold nothing of the period, while their harmonics would pass for
+motion of the ship. White noise of the time marks passes to the times at low frequencies, up to where the paper moves
+smoothly: the clock's mean rate is the ledger's; what varies within the record is cosines here, of that noise's
+variance.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
@@ -34,11 +32,9 @@ CORNERS = (0.2, 0.5, 5.0)  # of the highest frequency, from which the paper's sm
 
 
 def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
-    """The fit to readings less the harmonics of each trace's own swing that they show beside the path.
-
-    The size of each harmonic is linear in the amplitude. Rounded readings err in steps, which are met elsewhere. Where
-    the law is open, a third harmonic beside which that of the sine's law counts, A^3/192, is left: it tells the law.
-    """
+    """The fit to readings less the harmonics, linear in the amplitude, of each trace's swing that they show beside the
+    path. Rounded readings are met elsewhere. Where the law is open, a third harmonic beside which that of the sine's
+    law counts, A^3/192, is left: it tells the law."""
     problem, lattice, noise = fit.model.problem, fit.model.problem.lattice, fit.model.assumed.noise
     if problem.steps.any():
         return fit
@@ -82,10 +78,8 @@ def swing_of(fit: Fitted, trace: int, own: np.ndarray) -> tuple[Floats, np.ndarr
 
 
 def doubt_by_optics(fit: Fitted) -> float:
-    """1 sigma of gravity over itself, where a third harmonic may be due to optics that are not linear.
-
-    An error `c x^3` of the angle x makes a harmonic `c A^3 / 4` and an amplitude too large by `3 c A^3 / 4`.
-    """
+    """1 sigma of gravity over itself, where a third harmonic may be due to optics that are not linear: an error `c x^3`
+    of the angle x makes a harmonic `c A^3 / 4` and an amplitude too large by `3 c A^3 / 4`."""
     problem = fit.model.problem
     if not problem.repeating.size or not fit.model.assumed.sine:
         return 0.0

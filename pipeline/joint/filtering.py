@@ -3,13 +3,9 @@
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
 the free swing) is a column beside it: the prediction's derivative, taken through the same gain. One sweep then gives
 the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
-settles and is kept; a gap lets it move again.
-
-What runs at each node makes no views of arrays and calls no kernel that takes arrays, `sweep` itself apart: Numba would
-count references there, which costs more than the arithmetic.
+settles and is kept; a gap lets it move again. What runs at each node makes no views of arrays and calls no kernel that
+takes arrays, `sweep` apart: Numba would count references there, which costs more than the arithmetic.
 """
-
-from __future__ import annotations
 
 import numpy as np
 
@@ -61,11 +57,8 @@ def turn(flow: Flow, swing: Floats, s: int, ahead: Floats, ahead_columns: Floats
 
 @kernel
 def lay_by(columns: Columns, trace: int, traces: int, seen: Floats, j: int, buffer: Floats, row: int) -> None:
-    """Lay a whitened error and its derivatives into the buffer.
-
-    The scale of a trace moves a reading by itself, which tells nothing beside an unknown motion of the ship: that is
-    taken off, and what was known before it stays.
-    """
+    """Lay a whitened error and its derivatives into the buffer. The scale of a trace moves a reading by itself, which
+    tells nothing beside an unknown motion of the ship: that is taken off, and what was known before it stays."""
     last = seen.shape[1] - 1
     for c in range(last + 1):
         buffer[row, c] = seen[j, c]
@@ -111,10 +104,7 @@ def keep_gain(keep: Kept, begin: int, slots: Slots, used: int, root: Floats, gai
 @kernel
 def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
     """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
-
-    Derivatives and state stand side by side, (d, c + 1), and go through the same products, as `seen` of the readings
-    does: what is predicted of them less what was read. The covariance is left alone once the gain has settled.
-    """
+    Derivatives and state stand side by side, (d, c + 1), as in `seen`: readings as predicted less as read."""
     flow, readings, columns, known, about, plain = (
         task.flow, task.readings, task.columns, task.known, task.about, task.plain,
     )  # fmt: skip

@@ -1,7 +1,5 @@
 """The recipe: from a cold start to the posterior of gravity, the likelihood choosing what is assumed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,13 +67,8 @@ def _difference(model: explanation.Model, other: explanation.Model) -> str:
 
 
 def reduce(gathered: Gathered) -> Outcome:
-    """Fit the stated law, or both where none is stated, and weigh all explanations.
-
-    Raises
-    ------
-    RefusedError
-        No explanation is left of which the readings do not deny the most part, or two that are close disagree.
-    """
+    """Fit the stated law, or both where none is stated, and weigh all explanations; RefusedError where the readings
+    deny the most part of each that is left, or two that are close disagree."""
     reference = float(gathered.constants["reference_gravity"])
     try:
         found = first_fits(gathered)
@@ -156,11 +149,8 @@ def strained(fit: explanation.Fitted) -> bool:
 
 
 def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, reference: float) -> None:
-    """Refuse where another sign of a difference explains beyond doubt what a fit takes for faults and kicks.
-
-    Such a trace and a pendulum make up a second one that sways with the ship as it should, and swings at two periods.
-    `reference`: the gravity of the periods, m s-2.
-    """
+    """Refuse where another sign of a difference explains beyond doubt what a fit takes for faults and kicks: such a
+    trace and a pendulum make up a second one that swings at two periods. `reference`: gravity of the periods, m s-2."""
     lattice = gathered.problem.lattice
     level = np.abs(lattice.combination.sum(axis=1)) > LEVEL
     for j in np.flatnonzero(~level) if level.any() else ():
@@ -180,27 +170,17 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
 
 
 def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
-    """1 sigma of gravity over itself, where planes of swing were found not to be parallel.
-
-    What one pendulum feels alone near its own frequency acts as gravity does, and what takes its place is not told from
-    it: half of what the explanation made of gravity is in doubt.
-    """
+    """1 sigma of gravity over itself, where planes of swing were found not to be parallel: what one pendulum feels
+    alone near its own frequency acts as gravity does, so half of what the explanation made of gravity is in doubt."""
     if not any(words.startswith("transverse") for words in fit.model.words):
         return 0.0
     return HALF * abs(fit.gravity[0] - plain.gravity[0])
 
 
 def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:
-    """What it adds to gravity, over itself, and to its 1 sigma, that some of what sways may be the case.
-
-    Only what sways the pendulums themselves stiffens them, by half of its square. One pass about their free swing tells
-    it, unless a fit needs more than the plain one. Where the differences are likelier so, any part may be the case's.
-
-    Raises
-    ------
-    RefusedError
-        They are beyond doubt, and more than 10 mGal hang on it; `reference` is the gravity of the periods, m s-2.
-    """
+    """What it adds to gravity, over itself, and to its 1 sigma, that some of what sways may be the case, and does not
+    stiffen the pendulums by half of its square. One pass about their free swing tells it, unless a fit needs more than
+    the plain one. RefusedError where it is so beyond doubt, by 10 mGal and more at the `reference` gravity, m s-2."""
     model, two, lattice = plain.model, 2 * plain.model.problem.pendulums, plain.model.problem.lattice
     slow = SLOWER * model.problem.swing
     ship = tuple(
@@ -248,15 +228,8 @@ def weighed(
     laws: list[tuple[explanation.Fitted, list[explanation.Candidate]]], reference: float
 ) -> tuple[explanation.Fitted, list[explanation.Candidate], float, float]:
     """The likelier of two laws, with gravity over reference gravity and its 1 sigma over both as far as they are close.
-
-    The plain fit is likelier under the first. Where the other overtakes it by what it adds, which may make up for a
-    wrong law, nothing tells them apart short of a decisive lead. Refused where they are close and much hangs on it.
-
-    Raises
-    ------
-    RefusedError
-        They are close, or neither holds, and they lie more than 10 mGal apart.
-    """
+    The plain fit is likelier under the first: where the other overtakes it by what it adds, which may make up for a
+    wrong law, only a decisive lead tells. RefusedError: close, or neither holds, and more than 10 mGal apart."""
     values = [of_the_law(fit) for fit, _ in laws]
     order = [0, 1] if values[0] >= values[1] else [1, 0]
     (fit, close), (other, others) = (laws[k] for k in order)

@@ -1,15 +1,12 @@
 """One step of the lattice: exact flow of the linear part with its process noise, nodes of the remainder.
 
-State: angle and speed of each pendulum, then the ship's states. With kappa_i = n_i^2 at reference gravity and G gravity
-over reference gravity,
+State: angle and speed of each pendulum, then the ship's states. With kappa_i = n_i^2 at reference gravity, G gravity, U
+and Z the ship's horizontal and vertical acceleration, these over *reference* gravity,
 
     theta_i'' = -2 gamma_i theta_i' - kappa_i [(G + Z) sin theta_i + U cos theta_i] + kicks
 
-where U and Z are the ship's horizontal and vertical acceleration over *reference* gravity: gravity itself
-stands in one place alone. Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
+Linear pendulums: sin theta -> theta, cos theta -> 1, without Z.
 """
-
-from __future__ import annotations
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -30,9 +27,8 @@ class Flow(NamedTuple):
 
     step: float  # s
     sine: bool
-    """Restoring law; False: linear. A sine's derivative turns with the swing, and the covariance follows it. (What the
-    ship's motion does to two pendulums differs by their arcs as much as by their periods: a gain without the arcs errs
-    by 2 mGal.)"""
+    """Restoring law; False: linear. The covariance follows a sine's derivative as it turns with the swing: a gain
+    without the arcs, by which the ship's motion acts on pendulums as by their periods, errs by 2 mGal."""
     gravity: float  # G of the linear part
     kappa: Floats
     damping: Floats
@@ -40,28 +36,19 @@ class Flow(NamedTuple):
     dry: Floats
     """(p,) n^2 at reference gravity, s-2; viscous rate, s-1; factor of |theta'| theta', 1; of sign theta', s-2."""
     fade: float  # Speed below which knife-edge friction fades, rad s-1; 0: where a pendulum turns
-    to_nodes: Floats
-    """(8 p + 8, d) what the linear flow makes of a state: each pendulum's angle at the four nodes, each one's speed, U,
-    Z."""
+    to_nodes: Floats  # (8 p + 8, d) each pendulum's angle at the four nodes, each speed, U, Z under the linear flow
     sources: Floats  # (p, 16, d) angle, speed, U and Z at each node that a pendulum's remainder depends on
     ahead: Floats  # (d, d) the state at the step's end
     ends: Floats  # (4 + 2 p, d) rows of U, Z, their derivatives, each pendulum's angle and speed
     ahead_to_ends: Floats  # (4 + 2 p, d) the same at the step's end
     noise: Floats  # (d, d) covariance of the process noise
-    heave_noise: float
-    """White noise of a recorded heave over reference gravity times the root of its sampling step, s1/2: it acts on the
-    pendulums by their angles."""
+    heave_noise: float  # White noise of a recorded heave over reference gravity times the root of its step, s1/2
     response: Floats
-    """(p, 5, 4, 2) angle and speed at each node and at the end to the Lagrange polynomials of an acceleration at the
-    nodes."""
-    angles: Floats
-    """(p, e, d) rows of each pendulum's angle, as it is read, near a node by the powers of the time from it, under the
-    linear flow."""
+    """(p, 5, 4, 2) angle and speed at each node and the end to Lagrange polynomials of an acceleration at the nodes."""
+    angles: Floats  # (p, e, d) of each angle, as read, near a node by powers of the time from it, under the linear flow
     horizontal: Floats
     vertical: Floats  # (e, d) the same of U and Z
-    pull: Floats
-    """(4, 4) lagrange polynomials of the nodes, integrated twice from the step's start: factors of the square to the
-    fifth power of the time."""
+    pull: Floats  # (4, 4) Lagrange polynomials of the nodes, integrated twice: factors of the time's powers 2 to 5
     driven: Floats  # (2, d) covariance with the process noise of Z and its derivative at the step's end
     heaves: bool  # Whether vertical motion that is not recorded acts: what drives it acts within the step too
     drives: int
@@ -70,33 +57,12 @@ class Flow(NamedTuple):
 
 @lru_cache(maxsize=4)  # trials of breaks and outliers share it
 def flow(
-    step: float,
-    components: tuple[Component, ...],
-    kappa: tuple[float, ...],
-    damping: tuple[float, ...],
-    kick: tuple[float, ...],
-    quadratic: tuple[float, ...],
-    dry: tuple[float, ...],
-    gravity: float,
-    sine: bool,
-    fade: float = 0.0,
-    sway: float = 0.0,
-    heave_noise: float = 0.0,
-) -> Flow:
-    """Matrices of a step, s, of at most 1.3 rad of the swing.
-
-    Parameters
-    ----------
-    components : tuple
-        Of the ship's motion.
-    kick : (p,) tuple
-        Intensities of the random kicks, rad s-1/2.
-    sway : float
-        Horizontal acceleration of the support over reference gravity by a pendulum that is a radian aside; a support
-        that yields has less than nothing.
-
-    All others as in `Flow`.
-    """
+    step: float, components: tuple[Component, ...], kappa: tuple[float, ...], damping: tuple[float, ...],
+    kick: tuple[float, ...], quadratic: tuple[float, ...], dry: tuple[float, ...], gravity: float, sine: bool,
+    fade: float = 0.0, sway: float = 0.0, heave_noise: float = 0.0,
+) -> Flow:  # fmt: skip
+    """Matrices of a step, s, of at most 1.3 rad of the swing; as in `Flow`, and `kick`, (p,): intensities of the random
+    kicks, rad s-1/2; `sway`: acceleration of the support over reference gravity by a pendulum a radian aside."""
     from scipy.linalg import expm
 
     count, ship = len(kappa), Ship.of(components)
@@ -127,30 +93,17 @@ def flow(
     acting = [[i, count + i, two, two + 1] for i in range(count)]
     heaves = bool(sine and np.any(vertical))
     return Flow(
-        step=step,
-        sine=sine,
-        gravity=gravity,
-        kappa=np.array(kappa),
-        damping=np.array(damping),
-        quadratic=np.array(quadratic),
-        dry=np.array(dry),
-        fade=fade,
+        step=step, sine=sine, gravity=gravity, kappa=np.array(kappa), damping=np.array(damping),
+        quadratic=np.array(quadratic), dry=np.array(dry), fade=fade,
         to_nodes=groups.reshape(-1, size),
         sources=np.stack([groups[some].transpose(1, 0, 2).reshape(-1, size) for some in acting]),
-        ahead=np.ascontiguousarray(transition),
-        ends=ends,
-        ahead_to_ends=ends @ transition,
-        noise=noise,
-        heave_noise=heave_noise,
+        ahead=np.ascontiguousarray(transition), ends=ends, ahead_to_ends=ends @ transition,
+        noise=noise, heave_noise=heave_noise,
         response=_response(step, gravity * np.array(kappa), damping),
         angles=np.stack([_powers(drift, row - p_row) for row in np.eye(size)[:two:2]]),
-        horizontal=horizontal,
-        vertical=vertical,
-        pull=_PULL / step ** np.arange(POINTS),
-        driven=vertical[:2] @ noise,
-        heaves=heaves,
-        drives=(2 if heaves else 0) + (POINTS if heave_noise > 0.0 else 0),
-    )
+        horizontal=horizontal, vertical=vertical, pull=_PULL / step ** np.arange(POINTS),
+        driven=vertical[:2] @ noise, heaves=heaves, drives=(2 if heaves else 0) + (POINTS if heave_noise > 0.0 else 0),
+    )  # fmt: skip
 
 
 _POLYNOMIALS = [np.poly1d(np.delete(NODES, m), r=True) for m in range(POINTS)]

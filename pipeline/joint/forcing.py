@@ -1,7 +1,5 @@
 """What acts on the pendulums in steps beside the state, by constants and by noise, and all that steps do together."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arrays import Floats
@@ -39,10 +37,7 @@ def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
 
 @kernel
 def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
-    """What the constants that move the pendulums add to their derivatives during the steps from node k.
-
-    What a knock in such a step moves the pendulums by is added to `extra`.
-    """
+    """What constants that move the pendulums add to derivatives in the steps from node k; knocks also to `extra`."""
     flow, columns, recorded, slope = task.flow, task.columns, task.recorded, task.slope
     nodes, rest, push, extra, force = steps.nodes, steps.rest, steps.push, steps.extra, steps.room[0]
     weight = steps.weight
@@ -115,11 +110,8 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
 
 @kernel
 def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
-    """What it does to the pendulums that Z and its derivative end elsewhere than the flow leads; see `join_ends`.
-
-    Without it a motion that vanishes at zero frequency would leave a sawtooth there, which looks like gravity. Rows
-    `begin` and the next of `push` are written. What the path that is joined has of it is taken off `extra`.
-    """
+    """What it does to the pendulums that Z and its derivative end elsewhere than the flow leads, into rows `begin` and
+    the next of `push`, less what a joined path has of it (`join_ends`). Else a sawtooth would pass for gravity."""
     push, extra, away, factor = steps.push, steps.extra, steps.away, steps.factor
     for i in range(flow.kappa.size):
         for r in range(2):
@@ -139,10 +131,7 @@ def drive(flow: Flow, joined: bool, begin: int, n: int, steps: Steps) -> None:
 
 @kernel
 def jolt(flow: Flow, n: int, steps: Steps) -> None:
-    """What the noise of a recorded heave does to the pendulums: an impulse a node, as large as the angle makes it.
-
-    The last of `push` are written.
-    """
+    """What a recorded heave's noise does, into the last of `push`: an impulse a node, which grows with the angle."""
     push, rest, weight = steps.push, steps.rest, steps.weight
     begin = push.shape[0] - POINTS
     for i in range(flow.kappa.size):
@@ -155,19 +144,10 @@ def jolt(flow: Flow, n: int, steps: Steps) -> None:
 
 @kernel
 def derive_errors(
-    readings: Readings,
-    columns: Columns,
-    which: int,
-    node: float,
-    slots: Slots,
-    state: Floats,
-    seen: Floats,
-    j: int,
+    readings: Readings, columns: Columns, which: int, node: float, slots: Slots, state: Floats, seen: Floats, j: int
 ) -> None:
-    """What the constants of a trace add to the derivatives of what is seen of a reading.
-
-    On entry row j of `seen` holds what the reading's row makes of `state`, (d, c + 1); `node`: its time, s.
-    """
+    """What the constants of a trace add to the derivatives of what is seen of a reading of time `node`, s: row j of
+    `seen`, which holds what the reading's row makes of `state`, (d, c + 1)."""
     last, trace, time = state.shape[1] - 1, readings.trace[which], node + readings.offset[which]
     speed = 0.0
     for n in range(columns.of_traces.size):

@@ -57,15 +57,8 @@ class Gathered:
 
 
 def gather(record: DataTree, *, calm: bool = True) -> Gathered:
-    """Lay a record out; unless it is calm, with as many nodes as readings.
-
-    Raises
-    ------
-    RecordError
-        Period or gravity is missing, or no trace has a reading.
-    RefusedError
-        The record is too short.
-    """
+    """Lay a record out; unless it is calm, with as many nodes as readings. RecordError where period or gravity is
+    missing or no trace has a reading, RefusedError where the record is too short."""
     stored = record["record"].dataset
     labels = tuple(str(label) for label in stored["pendulum"].values)
     time = evened(np.asarray(record.dataset["time"].values, dtype=np.float64))
@@ -140,35 +133,17 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     damping = known["damping_rate"]
     return Gathered(
         Problem(
-            lattice,
-            frequency**2,
-            np.zeros(len(labels)) if damping is None else np.asarray(damping),
-            screening.far_off(lattice.trace, lattice.value, series.shape[0]),
-            spline,
-            _track(known, all_times, lattice),
-            steps,
-            *(_of_film(record, lattice) if "film" in record.children else ()),
+            lattice, frequency**2, np.zeros(len(labels)) if damping is None else np.asarray(damping),
+            screening.far_off(lattice.trace, lattice.value, series.shape[0]), spline,
+            _track(known, all_times, lattice), steps, *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
-        labels,
-        known,
-        np.append(stated, accelerations),
-        white,
-        doubt,
-        still,
-        tilts,
-        "film" in record.children,
+        labels, known, np.append(stated, accelerations), white, doubt, still, tilts, "film" in record.children,
         partial(gather, record, calm=False),
-    )
+    )  # fmt: skip
 
 
 def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict[str, Any]) -> None:
-    """Put constants of single traces into the order of the record's traces.
-
-    Raises
-    ------
-    RecordError
-        The instrument does not name them all.
-    """
+    """Constants of single traces in the record's order; RecordError where the instrument does not name them all."""
     stored = record["instrument"].dataset
     labels = [str(label) for label in stored["trace"].values] if "trace" in stored else []
     for name, variable in stored.data_vars.items():
@@ -183,16 +158,8 @@ def _from_the_vertical(
     record: DataTree, time: Floats, series: Floats, combination: Floats
 ) -> tuple[Floats, Floats, bool]:
     """Traces, (t, n), measured from the vertical where the tilt of the case is recorded; the noise that this adds to
-    each, (t,); and whether the tilt is not known.
-
-    The horizontal acceleration then tells what of the slow motion is the pendulums', in the earth's frame: an
-    accelerometer on the case shows the tilt as the traces do.
-
-    Raises
-    ------
-    RefusedError
-        Nothing tells the tilt of the case that the record says to measure from.
-    """
+    each, (t,); and whether the tilt is not known, so that the horizontal acceleration in the earth's frame must tell it
+    (of an accelerometer on the case it would not). RefusedError where nothing does."""
     stored, stated, none = record["record"].dataset, record["instrument"].attrs, np.zeros(series.shape[0])
     if stored.attrs.get("reference") == "vertical":
         return series, none, False
@@ -234,8 +201,7 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
 
 
 def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[float, ...]]:
-    """1 sigma of the times of a film, s (what is doubted by more is no noise); the marks' own noise, s3/2; times at
-    which the paper stepped aside, s since the first node."""
+    """1 sigma of a film's times, s; the marks' own noise, s3/2; times of steps of the paper, s since the first node."""
     stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs
     known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
     sigma = float(np.median(known)) if known.size else 0.0
@@ -250,11 +216,8 @@ def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[fl
 
 
 def _bias(heave: Floats, noise: float) -> tuple[float, float]:
-    """Bias of a recorded heave at even times over reference gravity, and its 1 sigma: the ship neither sinks nor flies.
-
-    A mean under a taper that lets nothing of the sea pass; its sigma from what stands beside zero frequency, below the
-    sea, above the noise. That acts on the pendulums alike, and leaves gravity with the bias.
-    """
+    """Bias of a recorded heave at even times over reference gravity, and its 1 sigma, as the ship neither sinks nor
+    flies: a mean under a taper that lets no sea pass; sigma from what stands below the sea, above noise."""
     weight, since = np.kaiser(heave.size, SHAPE), np.linspace(0.0, 1.0, heave.size)
     weight /= weight.sum()
     beside = [np.abs(np.sum(weight * np.exp(2j * np.pi * turns * since) * heave)) for turns in BESIDE]

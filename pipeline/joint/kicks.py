@@ -1,7 +1,5 @@
 """Random kicks of the pendulums: how large the likelihood wants them, beside other things and alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -16,10 +14,7 @@ NOTICED, ABSENT, SAME, THRICE = 2.5, 2.0, 0.5, 3.0  # of gravity's sigma; in log
 
 
 def larger_or_smaller(fit: Fitted, *, asked: bool = False) -> Iterator[Candidate]:
-    """Kicks that a fit does not have, or others than it has, each for the price of a pass.
-
-    Those that gravity would hardly notice are tried too where something is `asked` for.
-    """
+    """Kicks that a fit does not have, or others, each for a pass; those that gravity hardly notices if `asked` for."""
     model = fit.model
     now, words = model.assumed.kick, tuple(word for word in model.words if word != "kicks")
 
@@ -55,10 +50,8 @@ def larger_or_smaller(fit: Fitted, *, asked: bool = False) -> Iterator[Candidate
 
 
 def noticed(fit: Fitted) -> float:
-    """Kicks of all pendulums that would make gravity a few times less certain than it is, rad s-1/2.
-
-    The slope of a phase that wanders by k/a is uncertain by .77 k/(a sqrt(T)) of the frequency.
-    """
+    """Kicks of all pendulums that would make gravity a few times less certain than it is, rad s-1/2: the slope of a
+    phase that wanders by k/a is uncertain by .77 k/(a sqrt(T)) of the frequency."""
     problem = fit.model.problem
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * problem.pendulums : 2]))
     return NOTICED * fit.gravity[1] * problem.swing * arc * float(np.sqrt(problem.lattice.duration)) / (2.0 * 0.77)

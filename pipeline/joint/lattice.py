@@ -1,7 +1,5 @@
 """Readings of a record laid on a lattice of even steps, each with its own offset: any times, any traces."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -64,19 +62,8 @@ class Lattice:
 
 
 def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, angle: float = MOST_ANGLE) -> Lattice:
-    """Lay series on a lattice.
-
-    Parameters
-    ----------
-    time : (n,) array, s
-    series : (t or t + 2, n) array
-        Traces, then horizontal and vertical acceleration over reference gravity; NaN = missing.
-    combination : (t, p) array
-    frequency : float
-        Of the swing, rad s-1.
-    angle : float
-        Of the swing, rad, in which readings share a node.
-    """
+    """Lay series, (t or t + 2, n), at times, (n,) s, on a lattice: traces, then horizontal and vertical acceleration
+    over reference gravity; NaN = missing. `frequency` of the swing, rad s-1; `angle`, rad of it for one node."""
     spacing = np.diff(time)
     even = float(time[-1] - time[0]) / max(time.size - 1, 1)
     least = float(spacing.min(initial=np.inf))
@@ -95,15 +82,9 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
     order = np.lexsort((trace, at))
     trace, at = trace[order], at[order]
     return Lattice(
-        start=start,
-        step=step,
-        nodes=int(node[-1]) + 1,
-        node=node[at],
-        trace=trace.astype(np.int8),
-        offset=offset[at],
-        value=series[trace, at],
-        combination=np.ascontiguousarray(combination, dtype=np.float64),
-    )
+        start=start, step=step, nodes=int(node[-1]) + 1, node=node[at], trace=trace.astype(np.int8), offset=offset[at],
+        value=series[trace, at], combination=np.ascontiguousarray(combination, dtype=np.float64),
+    )  # fmt: skip
 
 
 def folded(frequency: float, step: float) -> float:
@@ -121,11 +102,8 @@ TAPER = 14.0  # of a Kaiser window, that lets 1e-5 of the swing pass, and 5e-6 f
 
 
 def shared_angle(time: Floats, series: Floats, swing: float, arc: float, *, sine: bool) -> float:
-    """Angle of the swing, rad, in which readings, (n,), NaN where missing, may share a node.
-
-    Less where they show motion much faster than a swing of that arc, rad; and where they are so fine that what a step's
-    polynomial leaves of the sine would show.
-    """
+    """Angle of the swing, rad, in which readings, (n,), NaN where missing, may share a node; less where they move much
+    faster than a swing of that arc, rad, or are so fine that what a step's polynomial leaves of the sine would show."""
     from scipy.interpolate import CubicSpline
 
     there = np.isfinite(series)

@@ -1,7 +1,5 @@
 """Motion of the ship that the errors still show: lines and seas, horizontal or vertical, priced by the likelihood."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -52,10 +50,8 @@ class UnresolvedError(Exception):
 
 
 def first(rough: Fitted, noise: Floats) -> Assumed:
-    """What the errors of a rough fit make of sea, vibration and noise, (t + 2,), NaN = sought; without kicks.
-
-    Heave puts sidebands of the swing about its line: where it may be, and is not followed, they are left out.
-    """
+    """What the errors of a rough fit make of sea, vibration and noise, (t + 2,), NaN = sought; without kicks, and
+    without sidebands of the swing where heave may be and is not followed."""
     problem, assumed = rough.model.problem, rough.model.assumed
     heaves = problem.leaves_heave_open(assumed.sine) and all(each.axis != "vertical" for each in assumed.ship)
     shown = Spectrum.of(rough, beside=SIDEBANDS if heaves and not problem.sparse else LINE)
@@ -104,12 +100,7 @@ def _rougher(shown: Spectrum, start: Assumed, axis: Axis) -> Assumed:
 
 def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     """Motion of the ship where the whitened errors have more power than white ones; turns where they are asked for.
-
-    Raises
-    ------
-    UnresolvedError
-        One that pays is faster than the lattice's steps show, and the readings are denser.
-    """
+    Raises UnresolvedError where one that pays is faster than the lattice's steps show, and the readings are denser."""
     model, ship = fit.model, fit.model.assumed.ship
     if len(ship) >= len(model.begun) + MOST_COMPONENTS:
         return
@@ -227,10 +218,8 @@ def pruned(fit: Fitted) -> Fitted:
 
 
 def _lines(fit: Fitted) -> Iterator[Component]:
-    """Components for each place where the errors have too much power: of any width, horizontal, or vertical.
-
-    A vertical motion shows on either side of the swing, in all traces: their power is taken together.
-    """
+    """Components for each place where the errors have too much power: of any width, horizontal, or vertical, which
+    shows on either side of the swing in all traces: their power is taken together."""
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     swing, two = problem.swing, 2 * problem.pendulums
     vertical = problem.leaves_heave_open(fit.model.assumed.sine) and not problem.steps.any()
@@ -278,11 +267,8 @@ def _lines(fit: Fitted) -> Iterator[Component]:
 
 
 def _steady(fit: Fitted) -> Engine | None:
-    """The vertical motion of constant amplitude that the errors show best; None where it does not pay.
-
-    It puts two sidebands about each trace's swing, whose phases hang together: far weaker ones are told from chance so
-    than by their power.
-    """
+    """The vertical motion of constant amplitude that the errors show best; None where it does not pay. Its two
+    sidebands about each trace's swing hang together in phase, which tells weaker ones from chance than power does."""
     from scipy.fft import fft, next_fast_len
 
     problem, lattice, path = fit.model.problem, fit.model.problem.lattice, fit.path

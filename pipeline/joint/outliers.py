@@ -1,7 +1,5 @@
 """Outliers, knocks and steps: prediction errors far off, each weighed by the likelihood of the seconds about it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -60,10 +58,8 @@ def smoothed(model: Model, about: Floats, gate: float = COARSE_GATE, most: int =
 
 
 def contested(model: Model, path: Floats, errors: Floats, gate: float) -> Model:
-    """What to make of prediction errors over a gate: rejected, a knock, a step of a zero or of the clock, or nothing.
-
-    Single readings are rejected; of several together the likelihood of the seconds about them decides.
-    """
+    """What to make of errors over a gate: rejected, a knock, a step of a zero or of the clock, or nothing. Single
+    readings are rejected; of several together the likelihood of the seconds about them decides."""
     problem, assumed, lattice = model.problem, model.assumed, model.problem.lattice
     over = np.abs(errors) > gate
     if not over.any():
@@ -138,10 +134,7 @@ def reconsidered(begun: Fitted, problem: Problem) -> Fitted:
 
 
 def of_the_law(fit: Fitted) -> float:
-    """Log-likelihood of the differences beside what was read before them: it tells the law.
-
-    That of the other traces hangs on how well the sea's spectrum is met.
-    """
+    """Log-likelihood of the differences beside earlier readings: it tells the law, and hangs little on the sea."""
     of, some = fit.of, np.isin(fit.model.problem.lattice.trace, fit.model.problem.differences)
     rejected = OUTLIER * float(fit.model.problem.left_out[some].sum())
     rejected -= 0.5 * sum((each.value / each.prior) ** 2 for each in fit.solution.constants if is_mode(each))

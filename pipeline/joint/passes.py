@@ -1,7 +1,5 @@
 """What a pass over the lattice takes and leaves behind."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -55,9 +53,7 @@ class Task(NamedTuple):
 class Pass(NamedTuple):
     """What a sweep works on and leaves behind."""
 
-    state: Floats
-    """(d, c + 1) derivatives by the constants, last the state itself; predicted for the first node, then for the
-    next."""
+    state: Floats  # (d, c + 1) derivatives by the constants, then the state; predicted for the first node, then next
     covariance: Floats  # (d, d)
     normal: Floats  # (c + 1, c + 1) sum of products of whitened prediction errors and their derivatives
     totals: Floats  # (3,) sum of the logarithms of the deviations; readings used; readings over the gate
@@ -76,8 +72,7 @@ class Kept(NamedTuple):
     first: np.ndarray  # (s,) the node's first row of the next two
     row: Floats
     gain: Floats
-    """(r, d) whitened rows of the readings in the state, and what they move it by; while the gain is kept, nodes share
-    them."""
+    """(r, d) whitened rows of readings in the state, and what they move it by; nodes share them if the gain is kept."""
     errors: Floats  # (r, c + 1) derivatives of the whitened prediction errors, and these; NaN where left out
 
 
@@ -96,6 +91,4 @@ class Slots(NamedTuple):
     """(u, d) the row under the linear flow alone; what the ship's vertical motion does between the node and the reading
     to a pendulum that it accelerates by as much."""
     beside: Floats  # (u,) what the row has of the path that it is about beside `level`
-    pull: Floats
-    """(u, 2, 4) factors of the remaining accelerations at the step's nodes in a pendulum's angle at the reading's
-    time."""
+    pull: Floats  # (u, 2, 4) factors of the remaining accelerations at the step's nodes in an angle when it is read

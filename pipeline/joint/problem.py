@@ -56,8 +56,7 @@ class Problem:
     heave: CubicSpline | None = None
     """Recorded heave over reference gravity by s since the first node; none: not recorded, or a reading."""
     track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
-    """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at the nodes; empty:
-    none."""
+    """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at nodes; may be empty."""
     steps: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, to which samples were rounded, which leaves lines of its own; 0: not so that it shows."""
     time_doubt: float = 0.0  # 1 sigma of a film's times, s: errors that last for seconds; see `film_errors.with_clock`.
@@ -197,48 +196,21 @@ class Problem:
         return out
 
     def run(
-        self,
-        assumed: Assumed,
-        constants: Constants,
-        *,
-        span: tuple[int, int] | None = None,
-        about: Floats = NO_PATH,
-        gate: float = 0.0,
-        root: Floats | None = None,
-    ) -> tuple[Solution, passes.Pass]:
-        """One pass with derivatives by all constants, and their solution.
-
-        Parameters
-        ----------
-        span : (int, int), optional
-            First node and the one behind the last; the whole record by default. START belongs to the first node.
-        about : (k, d) array
-            Path about which the flow is linearised.
-        gate : float
-            Readings so many deviations off are left out; 0: none.
-        root : (c, c) array, optional
-            Root of the priors' covariance where they are not independent.
-
-        Raises
-        ------
-        LinAlgError
-            A covariance lost its sign: the assumptions do not go with the readings at all.
-        """
+        self, assumed: Assumed, constants: Constants, *, span: tuple[int, int] | None = None, about: Floats = NO_PATH,
+        gate: float = 0.0, root: Floats | None = None,
+    ) -> tuple[Solution, passes.Pass]:  # fmt: skip
+        """One pass with derivatives by all constants, and their solution; LinAlgError where a covariance lost its sign.
+        `span`: first node, to which START belongs, and the one behind the last; `about`: (k, d) path of the
+        linearisation; `gate`: readings so many deviations off are left out (0: none); `root`: (c, c), of the priors."""
         begin, end = (0, self.lattice.nodes) if span is None else span
         task, of = self._task(assumed, constants, about, gate)
         _go(task, begin, end, of, NOTHING_KEPT)
         return self._solution(task.readings, of, constants, root, slice(begin, end)), of
 
     def fit(
-        self,
-        assumed: Assumed,
-        constants: Constants,
-        *,
-        about: Floats = NO_PATH,
-        gate: float = 0.0,
-        root: Floats | None = None,
-        smooth: bool = True,
-    ) -> tuple[Solution, passes.Pass, Floats]:
+        self, assumed: Assumed, constants: Constants, *, about: Floats = NO_PATH, gate: float = 0.0,
+        root: Floats | None = None, smooth: bool = True,
+    ) -> tuple[Solution, passes.Pass, Floats]:  # fmt: skip
         """The same of the whole record, with errors at the solution, and the smoothed path, (k, d), or `about`."""
         task, of = self._task(assumed, constants, about, gate)
         nodes, (size, width) = self.lattice.nodes, of.state.shape
@@ -289,17 +261,12 @@ class Problem:
                 state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
         task = passes.Task(
-            flow=flow,
-            readings=self.readings(assumed, constants),
-            columns=unknown.columns(constants),
-            known=known,
+            flow=flow, readings=self.readings(assumed, constants), columns=unknown.columns(constants), known=known,
             recorded=self.recorded[0][felt],
             slope=self.recorded[1][felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
-            about=about,
-            breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2),
-            gate=gate,
+            about=about, breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2), gate=gate,
             plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size),
-        )
+        )  # fmt: skip
         errors, whitened, scale = (np.full(count, np.nan, dtype=each) for each in ("f4", "f8", "f4"))
         sums = np.zeros((width, width)), np.zeros(3)
         return task, passes.Pass(state, covariance, *sums, errors, whitened, scale)
@@ -331,8 +298,6 @@ def _room(task: passes.Task, size: int, width: int, nodes: int, *, smooth: bool)
     return passes.Kept(
         np.empty((min(many, 1) if task.plain else many, two, size)),
         np.empty((many, task.columns.forced.size + 1 + task.flow.drives, two)),
-        np.empty(many, dtype=np.int64),
-        np.empty((all_rows, size)),
-        np.empty((all_rows, size)),
+        np.empty(many, dtype=np.int64), np.empty((all_rows, size)), np.empty((all_rows, size)),
         np.full((rows, width), np.nan),
-    )
+    )  # fmt: skip

@@ -101,13 +101,7 @@ class Joint:
 
 
 def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
-    """Fit the joint model to a record.
-
-    Raises
-    ------
-    RecordError, RefusedError, UsageError
-        As `pipeline.process`.
-    """
+    """Fit the joint model to a record; RecordError, RefusedError, UsageError as `pipeline.process`."""
     started = clock.perf_counter()
     gathered = gather(record)
     lattice = gathered.problem.lattice
@@ -124,14 +118,11 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
         frequency=frequency,
         uncorrected=float(np.hypot(prepared.nominal + prepared.fine.slope, damping[second])),
         sigma=0.5 * frequency * outcome.sigma * outcome.spread / outcome.mean,
-        noise=float(model.assumed.noise[trace]),
-        damping_rate=float(damping[second]),
-        samples=int(np.sum(~model.problem.left_out)),
-        acceleration_reduced=model.assumed.sine,
-        of_mean=True,
+        noise=float(model.assumed.noise[trace]), damping_rate=float(damping[second]),
+        samples=int(np.sum(~model.problem.left_out)), acceleration_reduced=model.assumed.sine, of_mean=True,
         parts=budget.parts(fit, reference) | _tilt(record, gathered, fit, one),
         shares=budget.shares(fit, outcome.sigma**2),
-    )
+    )  # fmt: skip
     value = gravity(estimate, prepared, gain_uncertainty)
     knocked = any(words.startswith("knock") for words in model.words)
     raised = {
@@ -172,16 +163,8 @@ def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tu
     theta, other = angles(fit, time)[:, list(columns)].T
     constants = instrument(record, names)
     observation = Observation(
-        first=names[0],
-        second=names[1],
-        start=lattice.start,
-        time=time,
-        step=step,
-        theta=theta,
-        difference=theta - other,
-        sigma_theta=None,
-        sigma_difference=None,
-        vertical=problem.heave(time) * constants["reference_gravity"] if problem.heave else None,
-        **constants,
-    )
+        first=names[0], second=names[1], start=lattice.start, time=time, step=step,
+        theta=theta, difference=theta - other, sigma_theta=None, sigma_difference=None,
+        vertical=problem.heave(time) * constants["reference_gravity"] if problem.heave else None, **constants,
+    )  # fmt: skip
     return Prepared(observation)

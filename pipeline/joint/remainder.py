@@ -1,10 +1,4 @@
-"""What steps do beside their linear flow: collocation of the remainder, and its derivatives by the state.
-
-All work on n steps at once, the last axis, which processors take several at a time: those of a path that is given, or
-one.
-"""
-
-from __future__ import annotations
+"""What n steps, the last axis, do beside their linear flow: collocation of the remainder, and its derivatives."""
 
 from typing import NamedTuple
 
@@ -33,16 +27,13 @@ class Steps(NamedTuple):
     shift: Floats  # (8, n) what U and Z are moved by along the path itself
     rest: Floats  # (p, 6, 4, n) see `LEFT`
     by: Floats  # (p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node
-    weight: Floats
-    """(p, 2, 4, n) angle and speed at the end to an acceleration at each node, which moves the angles at the others
-    too."""
+    weight: Floats  # (p, 2, 4, n) angle and speed at the end to an acceleration at each node, that moves the others too
     factor: Floats  # (p, 16, 2, n) derivatives of angle and speed at the end to those four at each node
     swing: Floats  # (p, 2 n, d) what that adds to their derivatives by the state
     extra: Floats  # (2 p, n) what the steps add to the pendulums beside what the derivatives do
     push: Floats
-    """(f + 1 + 2 + 4, 2 p, n) derivatives by the constants that move the pendulums; `extra`; where vertical motion is
-    not recorded, by what drives Z and its derivative within the step; where it is, impulses of the recording's
-    noise."""
+    """(f + 1 + 2 + 4, 2 p, n) derivatives by the constants that move the pendulums; `extra`; by what drives Z and its
+    derivative within the step where it is not recorded, or by impulses of the recording's noise."""
     room: Floats  # (8, n)
 
 
@@ -66,11 +57,8 @@ def room_for(flow: Flow, forced: int, n: int) -> Steps:
 
 @kernel
 def reach(rows: Floats, state: Floats, nodes: Floats) -> None:
-    """Angles, speeds, U and Z at the nodes of one step, from the last column of a state.
-
-    A state that runs away with wild readings is taken for no more than a pendulum or a ship can do: the flow stays
-    close to a linear one, which comes back.
-    """
+    """Angles, speeds, U and Z at the nodes of one step, from the last column of a state, but no more than a pendulum or
+    a ship can do: the flow of a state that runs away with outliers stays close to a linear one, which comes back."""
     angles = (nodes.shape[0] - 2 * POINTS) // 2
     for m in range(nodes.shape[0]):
         total = 0.0
@@ -103,10 +91,8 @@ def turned(sine: float, cosine: float, by: float) -> tuple[float, float]:
 
 @kernel
 def direction(flow: Flow, i: int, m: int, angle: float, speed: float, fade: float) -> tuple[float, float]:
-    """Sign of a speed as knife-edge friction has it, v / sqrt(v^2 + fade^2), and its slope by the speed.
-
-    It is the mean over a node's share of the step, in which the pendulum may turn.
-    """
+    """Sign of a speed as knife-edge friction has it, v / sqrt(v^2 + fade^2), and its slope by the speed: mean over a
+    node's share of the step, in which the pendulum may turn."""
     within = flow.kappa[i] * abs(angle) * flow.step * 0.5 * SHARES[m] + TURNED
     above, below = np.hypot(speed + within, fade), np.hypot(speed - within, fade)
     return (above - below) / (2.0 * within), ((speed + within) / above - (speed - within) / below) / (2.0 * within)
@@ -114,10 +100,8 @@ def direction(flow: Flow, i: int, m: int, angle: float, speed: float, fade: floa
 
 @kernel
 def collocate(flow: Flow, plain: bool, n: int, steps: Steps) -> None:
-    """Angles at the nodes under what the linear flow leaves, and that remainder; none where all is `plain`.
-
-    Sine and cosine are taken once a node; collocation moves the angle by 1e-2 rad at most, for which three terms serve.
-    """
+    """Angles at the nodes under what the linear flow leaves, and that remainder; none where all is `plain`. Sine and
+    cosine are taken once a node; collocation moves the angle by 1e-2 rad at most, for which three terms serve."""
     nodes, rest, moved, response = steps.nodes, steps.rest, steps.room, flow.response
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
@@ -174,12 +158,10 @@ def cubics(step: float, m: int) -> tuple[float, float]:
 
 @kernel
 def join_ends(flow: Flow, n: int, steps: Steps) -> None:
-    """Move the remainder in steps to where a path goes that ends at its next row, not where the flow leads.
-
-    What drives the ship acts within the step too. The flow alone takes the ship's motion for a fading one, which errs
-    by .02 mGal where it vibrates at three times the swing's frequency. The distance at the end is spread over the step
-    by Hermite polynomials that vanish at its start with their first derivatives, of the angle the second ones too.
-    """
+    """Move the remainder in steps to where a path goes that ends at its next row, not where the flow leads: the ship is
+    driven within the step too, without which vibration at three times the swing's frequency errs by .02 mGal. The
+    distance at the end is spread by Hermite polynomials, which vanish at the start with their first derivatives, of the
+    angle the second ones too."""
     nodes, away, shift, rest, room = steps.nodes, steps.away, steps.shift, steps.rest, steps.room
     count, gravity = flow.kappa.size, flow.gravity
     horizontal, vertical = 2 * POINTS * count, 2 * POINTS * count + POINTS
@@ -214,15 +196,7 @@ def join_ends(flow: Flow, n: int, steps: Steps) -> None:
 
 @kernel
 def differentiate(flow: Flow, known: Floats, k: int, n: int, steps: Steps) -> None:
-    """Derivatives of what the linear flow leaves, and what the steps add to them times the state.
-
-    Parameters
-    ----------
-    known : (k, 4) array
-        Z at the nodes beside the states; may be empty.
-    k : int
-        The first step.
-    """
+    """Derivatives of what the linear flow leaves in steps from k, and what they add times the state."""
     nodes, shift, rest, room, response = steps.nodes, steps.shift, steps.rest, steps.room, flow.response
     by, weight, extra, factor = steps.by, steps.weight, steps.extra, steps.factor
     count, gravity = flow.kappa.size, flow.gravity

@@ -1,7 +1,4 @@
-"""What readings show before any model: wrong units and labels, refused by name; copies, traces that stand still, values
-far off, rounding."""
-
-from __future__ import annotations
+"""What readings show before any model: wrong units and labels (refused); copies, still traces, outliers, rounding."""
 
 from typing import Any
 
@@ -28,10 +25,8 @@ NOISIER, CALM = 20.0, 1e-6  # times than another no trace is, of which sparse re
 
 
 def refuse_wrong_units(time: Floats, series: Floats, heave: Floats | None, frequency: float, gravity: float) -> None:
-    """Refuse times, (n,) s, elongations, (t, n) rad, or heave, (n,) m s-2, in other units than theirs.
-
-    `frequency`: of the swing, rad s-1, at this gravity, m s-2.
-    """
+    """Refuse times, (n,) s, elongations, (t, n) rad, or heave, (n,) m s-2, in other units than theirs; `frequency` of
+    the swing, rad s-1, at this `gravity`, m s-2."""
     if not GRAVITIES[0] < gravity < GRAVITIES[1]:
         raise RefusedError(f"instrument/reference_gravity: {gravity:g} m s-2 is no planet's; give m s-2")
     swings = float(np.median(np.diff(time))) * frequency / (2.0 * np.pi) if time.size > 1 else 0.0
@@ -49,10 +44,7 @@ def refuse_wrong_units(time: Floats, series: Floats, heave: Floats | None, frequ
 def refuse_exchanged_traces(
     time: Floats, series: Floats, combination: Floats, frequency: float, names: tuple[str, ...]
 ) -> None:
-    """Refuse where a difference sways as a pendulum does, or a pendulum does not sway as another.
-
-    The ship's slow motion moves pendulums alike.
-    """
+    """Refuse where a difference sways slowly as a pendulum does, or a pendulum does not sway as another."""
     levels = combination.sum(axis=1)
     first = int(np.argmax(np.abs(levels)))
     if not levels[first]:
@@ -110,13 +102,7 @@ def _runs(flags: Any) -> list[tuple[int, int]]:
 
 
 def without_copies(series: Floats) -> Floats:
-    """Traces, (t, n), without what two of them hold alike for long: one is a copy, and nothing tells which.
-
-    Raises
-    ------
-    RefusedError
-        They are alike throughout.
-    """
+    """Traces, (t, n), without what two hold alike for long, one a copy; RefusedError where they do so throughout."""
     out = series.copy()
     for i in range(len(series)):
         for j in range(i):
@@ -129,10 +115,8 @@ def without_copies(series: Floats) -> Floats:
 
 
 def moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -> tuple[Floats, tuple[str, ...]]:
-    """Traces, (t, n), without what shows neither swing nor sway for two windows and more; and that in words.
-
-    Where all traces stand, as pendulums do that are held, the windows are shorter.
-    """
+    """Traces, (t, n), without what shows neither swing nor sway for two windows and more, shorter where all traces
+    stand, as pendulums do that are held; and that in words."""
     out, words = series.copy(), []
     least = STILL * float(np.nanmax(np.nanvar(series[np.isfinite(series).any(axis=1)], axis=1)))
     for window, together in ((WINDOW, False), (HELD, True)):
@@ -154,8 +138,7 @@ def moving(time: Floats, series: Floats, swing: float, names: tuple[str, ...]) -
 
 
 def _stands(time: Floats, series: Floats, bounds: np.ndarray, swing: float, least: float) -> np.ndarray:
-    """Windows, (t, k), that begin at `bounds`, in which readings vary less than that, and have no more power at the
-    swing than chance gives."""
+    """Windows, (t, k), from `bounds`, that vary less than that and whose power at the swing chance explains."""
     there = np.isfinite(series)
     mean = np.where(there, series, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
     away = np.where(there, series - mean[:, None], 0.0)

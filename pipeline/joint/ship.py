@@ -1,14 +1,14 @@
 """What is assumed of the ship: second derivatives of stationary displacements, and smooth vibration beside them.
 
-The ship stays where it is. A sea component of its displacement is a chain of three damped oscillators of one frequency
-w and damping l, driven by white noise:
+A sea component of the displacement is a chain of three damped oscillators of one frequency w and damping l, driven by
+white noise:
 
     p'' + 2 l p' + w^2 p = white,   r'' + 2 l r' + w^2 r = w^2 p,   v'' + 2 l v' + w^2 v = r,   output v''
 
-The output vanishes at zero frequency as the fourth power, without which gravity could not be observed beside an
-unknown vertical acceleration, and falls as the eighth power above w, without which the acceleration at twice the
-frequency of the swing, which acts as a change of gravity, would be left open. Vibration is a Matern process of
-smoothness 5/2: a rougher one costs up to .05 mGal on noise-free records.
+The output vanishes at zero frequency as the fourth power, without which gravity could not be observed beside an unknown
+vertical acceleration, and falls as the eighth above w, without which the acceleration at twice the frequency of the
+swing, which acts as a change of gravity, would be left open. Vibration is a Matern process of smoothness 5/2: a rougher
+one costs up to .05 mGal on noise-free records.
 """
 
 from __future__ import annotations

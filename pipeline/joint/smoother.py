@@ -1,7 +1,5 @@
 """The smoothed path, backwards by adjoints over what the filter kept."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arrays import Floats
@@ -13,32 +11,13 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 @kernel
 def smooth(
-    task: Task,
-    begin: int,
-    end: int,
-    pushed: Floats,
-    state: Floats,
-    covariance: Floats,
-    whitened: Floats,
-    keep: Kept,
-    adjoint: Floats,
-    path: Floats,
-) -> None:
-    """Smoothed states of a stretch: adjoints backwards, then the states forward by what drives them (Koopman 1993).
-
-    Parameters
-    ----------
-    pushed : (f + 1,) array
-        Change of the constants that move the pendulums since the sweep; last: 1.
-    state, covariance : (d,) array, changed; (d, d) array
-        Predicted for the stretch's first node at the changed constants.
-    whitened : (r,) array
-        Prediction errors at the changed constants.
-    adjoint : (d,) array, changed
-        Of the predicted state behind the stretch; of its first node on return.
-    path : (s, d) array, out
-        Smoothed states.
-    """
+    task: Task, begin: int, end: int, pushed: Floats, state: Floats, covariance: Floats, whitened: Floats, keep: Kept,
+    adjoint: Floats, path: Floats,
+) -> None:  # fmt: skip
+    """Smoothed states of a stretch, into `path`, (s, d): adjoints backwards, then states forward by what drives them
+    (Koopman 1993). `pushed`, (f + 1,): change of the constants that move the pendulums since the sweep, last 1;
+    `state`, (d,), changed, and `covariance`, predicted for the first node, and errors `whitened`, (r,), at the changed
+    constants; `adjoint`, (d,), of the predicted state behind the stretch, of its first node on return."""
     flow, readings, breaks = task.flow, task.readings, task.breaks
     two, size = keep.swing.shape[1], adjoint.size
     ahead, later = flow.ahead[two:].copy(), np.zeros(size)
@@ -81,21 +60,10 @@ def step_back(keep: Kept, s: int, ahead: Floats, adjoint: Floats, later: Floats)
 
 @summing_kernel
 def step_on(
-    flow: Flow,
-    keep: Kept,
-    s: int,
-    onward: Floats,
-    driven: Floats,
-    pushed: Floats,
-    path: Floats,
-    state: Floats,
-    before: Floats,
-    felt: Floats,
-) -> None:
-    """The smoothed state of the next node, (d,), from that of node s, and what drives it.
-
-    The next node's adjoint is in `path` still; `driven` holds what the noise makes of all.
-    """
+    flow: Flow, keep: Kept, s: int, onward: Floats, driven: Floats, pushed: Floats, path: Floats, state: Floats,
+    before: Floats, felt: Floats,
+) -> None:  # fmt: skip
+    """The smoothed state of the node after s, (d,), and what drives it, by the next adjoint, still in `path`."""
     two, size = keep.swing.shape[1], state.size
     for q in range(size):
         before[q], state[q] = state[q], driven[s + 1, q]

@@ -1,7 +1,5 @@
 """From a cold start to a first fit: a swing followed over longer and longer stretches, then all of the record."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -48,17 +46,10 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
 
 
 def first_fits(gathered: Gathered) -> list[Fitted]:
-    """Fit the stated law, or both where none is stated, without other explanations; the likelier first.
-
-    Cold start, then all readings with the ship's motion by its spectrum. Only where that holds for no law, readings are
-    left out, pendulums knocked, and all parameters of the ship sought. A law that is far behind from the cold start on
-    is given up where the other leaves nothing but noise.
-
-    Raises
-    ------
-    LinAlgError
-        No law follows the readings.
-    """
+    """Fit the stated law, or both where none is stated, without other explanations; the likelier first. LinAlgError
+    where none follows the readings. Only where the ship's motion by its spectrum holds for no law, readings are left
+    out, pendulums knocked, and all parameters of the ship sought. A law far behind from the cold start on is given up
+    where the other leaves nothing but noise."""
     stated = gathered.constants["restoring"]
     laws = [stated != "linear"] if stated else [True, False]
     rough = [cold_starts(gathered, sine=sine) for sine in laws]
@@ -122,10 +113,8 @@ def _freed(constants: Constants, like: Constants) -> Constants:
 
 
 def _cold_start(problem: Problem, assumed: Assumed, first: Constants) -> Fitted:
-    """Follow the swing over longer and longer stretches, each linear enough for the one before it.
-
-    They are read as if they were noisier: the ship's motion would else be made to explain what a wrong gravity leaves.
-    """
+    """Follow the swing over longer and longer stretches, each linear enough for the one before it, read as if noisier:
+    the ship's motion would else be made to explain what a wrong gravity leaves."""
     constants = first
     step, nodes = problem.lattice.step, problem.lattice.nodes
     size = float(np.std(problem.lattice.value[~problem.left_out]))
@@ -223,11 +212,9 @@ def _robust(gathered: Gathered, rough: Fitted) -> Fitted | None:
 
 
 def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | None:
-    """Fitted without vertical motion where the differences ask for none; and what follows the readings best.
-
-    Vertical motion is slow, and would explain other things. Kicks stand for friction, a knock, a fault of the
-    apparatus: where they do better, what it is, is sought beside the level motion. None where nothing can be followed.
-    """
+    """Fitted without vertical motion, which is slow and would explain other things, where the differences ask for none;
+    and what follows the readings best. Kicks stand for friction, a knock, a fault: where they do better, what it is, is
+    sought beside the level motion. None where nothing can be followed."""
     problem, level = model.problem, model.assumed
     path = rough.path[:, : 2 * problem.pendulums]
     open_heave = problem.leaves_heave_open(level.sine)

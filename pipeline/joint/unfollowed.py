@@ -1,12 +1,9 @@
 """What acts on gravity unread: motion that is too fast or too weak to be followed, or lies in gaps; rounding.
 
 The path that is likeliest leaves out the variance about it. Vertical motion zeta at x times the swing's frequency slows
-a pendulum by <zeta^2> / (4 - x^2) of gravity, horizontal motion u stiffens it by <u^2> (r - r^2 / 2), with
-r = 1 / (1 - x^2): slow motion by <zeta^2> / 4 and <u^2> / 2, Browne's terms; fast horizontal motion slows it by
-<u^2> / x^2.
+a pendulum by <zeta^2> / (4 - x^2) of gravity, horizontal motion u stiffens it by <u^2> (r - r^2 / 2), r = 1 / (1 -
+x^2): slow motion by <zeta^2> / 4 and <u^2> / 2, Browne's terms; fast horizontal motion slows it by <u^2> / x^2.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 
@@ -37,11 +34,8 @@ INDEPENDENT = 10.0  # s, after which a swell's square is another one
 
 
 def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
-    """Gravity over itself that is to be added for vertical motion not followed, and its 1 sigma.
-
-    Its spectrum is that assumed, less what its sidebands beside the swing of a fit show above noise and horizontal
-    motion.
-    """
+    """Gravity over itself to be added for vertical motion not followed, and its 1 sigma: by the assumed spectrum, less
+    what its sidebands beside the swing of a fit show above noise and horizontal motion."""
     problem = fit.model.problem
     upright = [each for each in assumed.ship if each.axis == "vertical"]
     if not upright or not problem.leaves_heave_open(assumed.sine):
@@ -73,10 +67,8 @@ def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
 
 
 def short_waves(fit: Fitted) -> tuple[float, float]:
-    """The same for short waves that lift a ship as it sways so fast, and leave too little in the readings to be found.
-
-    All sizes, from a tenth of what sways it to tenfold, are as likely beforehand; the errors weigh them.
-    """
+    """The same for short waves that lift a ship as it sways so fast, too weak to be found: all sizes from a tenth of
+    what sways it to tenfold are as likely beforehand; the errors weigh them."""
     assumed, problem = fit.model.assumed, fit.model.problem
     sways = [each for each in assumed.ship if each.axis == "horizontal" and each.peak > CALM * problem.swing]
     if not sways or not problem.leaves_heave_open(assumed.sine):
@@ -97,12 +89,9 @@ def short_waves(fit: Fitted) -> tuple[float, float]:
 
 
 def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
-    """Change of mean gravity over reference gravity by motion in gaps, and its 1 sigma; 0 of linear pendulums.
-
-    The likeliest path fades in a gap, or goes on with a motion that is not the ship's. The mean square outside tells
-    what it is there, but for its scatter; a fit with that as a known change of gravity, how much gets into the mean.
-    `gravity`: row that gives gravity from the constants, (c,).
-    """
+    """Change of mean gravity over reference gravity by motion in gaps, and its 1 sigma; 0 of linear pendulums. The
+    likeliest path fades in a gap, or goes on with a motion that is not the ship's. The mean square outside tells what
+    it is there; a fit with that as a known change, what gets into the mean. `gravity`: its row, (c,)."""
     problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
     if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
         return 0.0, 0.0
@@ -149,10 +138,8 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
 
 def doubt_by_repeating(fit: Fitted, gravity: Floats) -> float:
     """1 sigma of gravity over itself by errors of a film's readings that repeat with the swing; `gravity` as above.
-
-    Readings that are dense enough show its harmonics, which are taken off (`film_errors`). Those at marks alias them
-    onto the swing: the second and the third may each be as large as the noise.
-    """
+    Dense readings are rid of their harmonics (`film_errors`); those at marks alias them onto the swing: the second and
+    the third may each be as large as the noise."""
     problem, lattice, model = fit.model.problem, fit.model.problem.lattice, fit.model
     square = 0.0
     for trace in range(problem.traces):

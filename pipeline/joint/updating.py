@@ -1,9 +1,4 @@
-"""Readings of a node: their rows in the state, and the algebra of what they move it by.
-
-It makes no views and calls no kernel that takes arrays; see `pipeline.joint.filtering`.
-"""
-
-from __future__ import annotations
+"""Rows of a node's readings in the state, and what they move it by; without views, see `pipeline.joint.filtering`."""
 
 import numpy as np
 
@@ -16,8 +11,7 @@ from synth.kernels.compiled import kernel, summing_kernel
 
 @kernel
 def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> None:
-    """Row of a reading in the state, into slot j, and its slope in time: the linear flow to its own time; and the pull
-    of what that leaves in the step that begins at the node, and in the one that ends there."""
+    """Into slot j: row of a reading in the state, its slope in time, and the pull of the steps on either side."""
     size, traces = slots.row.shape[1], readings.combination.shape[0]
     trace, tau, square = readings.trace[which], readings.offset[which], flow.gravity * flow.kappa.mean()
     for q in range(size):
@@ -61,10 +55,8 @@ def row_of(flow: Flow, readings: Readings, which: int, slots: Slots, j: int) -> 
 
 @summing_kernel
 def lay_heave(flow: Flow, readings: Readings, slots: Slots, used: int, steps: Steps, path: Floats, s: int) -> None:
-    """What the ship's vertical motion does between the node and readings, into their rows, about row s of a path.
-
-    Two integrations weigh what is nearer the node more: the angles are taken as they are at a third of the way.
-    """
+    """What the ship's vertical motion does between the node and readings, into their rows, about row s of a path. Two
+    integrations weigh what is nearer the node more: the angles are taken as they are at a third of the way."""
     size = slots.row.shape[1]
     apart = (NODES[1] - NODES[0]) * flow.step
     for j in range(used):
@@ -100,10 +92,8 @@ def pick(readings: Readings, k: int, slots: Slots) -> tuple[int, bool]:
 
 @kernel
 def pull_aside(slots: Slots, used: int, readings: Readings, rest: Floats, s: int, seen: Floats) -> None:
-    """Add to what is seen of each reading what the linear flow leaves out between node and reading.
-
-    The node is where step s begins. Where no step before it is at hand, that step is gone on with backwards.
-    """
+    """Add to what is seen of each reading what the linear flow leaves out since the node, where step s begins; without
+    a step before it, step s is gone on with backwards."""
     last = seen.shape[1] - 1
     for j in range(used):
         trace = slots.trace[j]
@@ -200,14 +190,7 @@ def set_aside(slots: Slots, used: int, gate: float, of: Pass, seen: Floats, gain
 
 @summing_kernel
 def lift(predicted: Floats, gain: Floats, seen: Floats, used: int, updated: Floats) -> None:
-    """Take off what the readings move the state by, four readings at a time.
-
-    Parameters
-    ----------
-    predicted, updated : (d, n) arrays
-    gain, seen : (u, d) and (u, n) arrays
-        Zeroed behind the rows in use, up to a multiple of four.
-    """
+    """Take off what readings move states, (d, n), by; `gain`, (u, d), and `seen`, (u, n), go on in zeros to fours."""
     for j in range(used, max(used + (-used) % 4, 4)):
         for r in range(predicted.shape[0]):
             gain[j, r] = 0.0

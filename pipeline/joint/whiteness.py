@@ -1,8 +1,8 @@
 """What the errors of a fit say of the assumed spectrum: where they have more power than white ones, it has too little.
 
 The filter divides each trace by the spectrum that it assumes, the swing itself apart. The power of its errors by
-frequency, 1 where they are white, is thus the ratio of what is there to what is assumed: on either side of the swing,
-in all of the record, through gaps. Whittle's likelihood of that ratio moves all parameters of the ship without a pass.
+frequency, 1 where they are white, is thus the ratio of what is there to what is assumed, also through gaps. Whittle's
+likelihood of that ratio moves all parameters of the ship without a pass.
 """
 
 from __future__ import annotations
@@ -55,10 +55,8 @@ def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
 
 @_kept
 def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
-    """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance; and their samples.
-
-    Empty where they are few. Under a taper, a power of a sine: lines leak without.
-    """
+    """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance, under a power of a
+    sine as taper, as lines leak; and their samples. Empty where they are few."""
     from scipy.fft import next_fast_len, rfft
 
     lattice, used = fit.model.problem.lattice, fit.used(trace)
@@ -159,8 +157,7 @@ def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """The errors of all traces beside what a fit assumes, in n bins of frequency; where samples are sparse, several of
-    the m frequencies fall on one."""
+    """The errors of all traces beside what a fit assumes, in n bins; on one, several of m frequencies may fall."""
 
     assumed: Assumed
     swing: float  # rad s-1
@@ -242,11 +239,9 @@ class Spectrum:
         return replace(assumed, ship=(*assumed.ship, replace(units[at], rms=sizes[size])))
 
     def likeliest(self, start: Assumed, *, last: bool = False, loose: float = 1.0) -> tuple[Assumed, float]:
-        """Ship and noise where the errors are likeliest, and by how much, in log-likelihood.
-
-        Scoring on the logarithms of all parameters, or on those of the last component. They keep to the start, widths
-        and sizes `loose` times less than they would to a fit; a noise that is NaN is sought from nothing.
-        """
+        """Ship and noise where the errors are likeliest, and by how much, in log-likelihood: scoring on all parameters'
+        logarithms, or the last component's. They keep to the start, widths and sizes `loose` times less than to a fit;
+        a noise that is NaN is sought from nothing."""
         ship, count = start.ship, start.noise.size - 2
         places = np.cumsum([0, *(parameters((each,)).size for each in ship)])
         own = int(places[-1])

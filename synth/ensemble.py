@@ -1,8 +1,7 @@
 """Many members of one scene, in order: in memory and lazily, or straight to files, where an interrupted run goes on.
 
-A member depends on the ensemble's seed and its own number only: not on how many members there are, in which order or by
-how many processes they are made. Each varied key draws from a generator of its own, so that a further one changes no
-other. Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
+A member depends on the ensemble's seed and its own number only, and each varied key draws from a generator of its own.
+Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
 """
 
 from __future__ import annotations
@@ -59,8 +58,7 @@ class WorkerError(IsochronyError):
 def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | None = None) -> Iterator[Scene]:
     """Scenes of the members 1 to `count`; their `record_id` ends with the member's number, such as ``-0001``.
 
-    The seed is that of the ensemble, the scene's own if left out. `SceneError` if a key or range cannot be meant, at
-    once; if a member's values are not allowed, when it is reached.
+    `SceneError` if a key or range cannot be meant, at once; if a member's values are not allowed, when it is reached.
     """
     if count < 1:
         raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
@@ -148,7 +146,7 @@ class Member(NamedTuple):
 def simulate_ensemble(
     scene: Scene, members: int, *, seed: int | None = None, vary: Vary | None = None, workers: int = 1
 ) -> Iterator[Member]:
-    """Simulate many members of a scene, which differ by seed and by what varies.
+    """Simulate many members of a scene, which differ by seed and by what varies; lazily, in order.
 
     A member is the same bits whatever `members` and `workers` are, and the same as `simulate` of its scene.
 
@@ -166,28 +164,12 @@ def simulate_ensemble(
     workers
         Processes. With more than one, a script must have its work under ``if __name__ == "__main__":``.
 
-    Returns
-    -------
-    iterator of Member
-        (number, record, truth), in order. Members are made as they are asked for, no more than two to a worker ahead:
-        memory does not grow with their number.
-
     Raises
     ------
     SceneError
         As `simulate`; for a key or range that cannot be meant, at once.
     UsageError, WorkerError
         If there is no worker, or one dies.
-
-    Examples
-    --------
-    >>> from data_schemas.scene import load_scene
-    >>> from synth import scene_path
-    >>> linear = load_scene(scene_path("linear"))
-    >>> for number, record, truth in simulate_ensemble(linear, 2, vary={"gravity": (9.7, 9.9)}):
-    ...     print(number, record.attrs["record_id"], 9.7 < float(truth["truth/gravity"]) < 9.9)
-    1 linear-0001 True
-    2 linear-0002 True
     """
     pairs = in_order(simulated, member_scenes(scene, members, seed=seed, vary=vary), min(workers, members))
     return (Member(number, to_tree(record), to_tree(truth)) for number, (record, truth) in enumerate(pairs, start=1))
@@ -208,8 +190,8 @@ def write_ensemble(
 ) -> Written:  # fmt: skip
     """Simulate many members of a scene to files ``NAME-0001.record.nc``, ``NAME-0001.truth.nc``, ...
 
-    Member by member they are what `simulate_ensemble` gives, bit for bit. A member whose two files are there, whole and
-    of the same scene, is kept: after an interrupt the same call goes on, and with more members it adds to them.
+    Bit for bit what `simulate_ensemble` gives. A member whose two files are there, whole and of the same scene, stays:
+    after an interrupt the same call goes on. The table ``NAME.ensemble.csv`` is written with the first.
 
     Parameters
     ----------
@@ -223,11 +205,6 @@ def write_ensemble(
         Make all members anew, whatever is there.
     progress
         Called with how many members are done, and of how many.
-
-    Returns
-    -------
-    Written
-        The table ``NAME.ensemble.csv`` of all members is written with the first.
 
     Raises
     ------
@@ -291,11 +268,9 @@ def _table(jobs: list[_Job], keys: list[str]) -> str:
 
 
 def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
-    """Results of a function of some module for each job, in the order of the jobs.
+    """Results of a module's function for each job, in order; no more than two jobs to a worker are ahead of them.
 
-    Jobs are taken as they are needed: no more than two to a worker are ahead of the results. With one worker all is
-    done in this process. `UsageError` at once if there is none, `WorkerError` if one dies; what the function raises
-    comes at its job's turn.
+    With one worker all is done in this process. `UsageError` at once if there is none, `WorkerError` if one dies.
     """
     if workers < 1:
         raise UsageError(f"workers = {workers}: give 1 or more")

@@ -27,10 +27,7 @@ _SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitu
 
 
 def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Apparatus) -> Contents:
-    """Record a motion at the moments of a clock, as `data_schemas` lays a record out.
-
-    The apparatus is that of the whole recording; its chunks must come in order of time.
-    """
+    """Record a motion at the moments of a clock, as `data_schemas` lays a record out; chunks come in order of time."""
     samples, flags = apparatus.samples(sampled, clock)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination(scene)),
@@ -202,11 +199,7 @@ def _bases(scene: Scene) -> Variables:
 
 
 class Unwrapping:
-    """Unwraps chunk after chunk, in order of time, as if the signal had come whole.
-
-    The signal's own phase may turn by half a turn between samples; the difference from the base moves slowly. The
-    turns of that difference are counted in whole numbers, which do not depend on the chunks.
-    """
+    """Unwraps chunk after chunk, in order of time: the slow difference from the base is counted in whole turns."""
 
     def __init__(self) -> None:
         self._last: Floats | None = None  # of the difference, (pendulums, 1) rad

@@ -1,4 +1,4 @@
-"""What a scene needs (motion, answer of each pendulum, moments), and its evaluation in chunks for files to be written."""
+"""What a scene needs (motion, answer of each pendulum, moments), and its evaluation in chunks to be written."""
 
 from __future__ import annotations
 

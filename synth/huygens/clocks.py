@@ -4,8 +4,6 @@ Equal clocks with y_1 = +-y_2 and y_1' = +-y_2' stay so exactly, on the paper's 
 then looks locked: begin beside it (`perturbed`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -38,7 +36,7 @@ class Clocks(NamedTuple):
         """tau."""
         return 0.5 * (self.detuning[0] + self.detuning[1])
 
-    def detuned(self, difference: float) -> Clocks:
+    def detuned(self, difference: float) -> "Clocks":
         """The same clocks about their mean tau, chi = tau_1 - tau_2 apart."""
         mean = self.mean_detuning
         return self._replace(detuning=(mean + 0.5 * difference, mean - 0.5 * difference))

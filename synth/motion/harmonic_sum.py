@@ -9,8 +9,6 @@ alpha = 0.0081 as well; the three conflict). In deep water, k = w^2/g, a wave of
 with an acceleration of amplitude a w^2 exp(-k d), horizontal and vertical.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -75,7 +73,7 @@ class Sums:
         """All sums over every comb."""
         return tuple(comb.sums(*self.coefficients) for comb in self.combs)
 
-    def some(self, which: slice) -> Sums:
+    def some(self, which: slice) -> "Sums":
         """Some of the sums."""
         return Sums(self.angular_frequency, self.coefficients[which], self.combs)
 

@@ -14,8 +14,6 @@ aliases are 1e-15 (Fourmont, J. Fourier Anal. Appl. 9, 431, 2003). Within a step
 polynomials of the place. The place itself is a whole number of 2^-64 period: exact however late.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence
@@ -45,7 +43,7 @@ class Ticks:
     stride: int | None = None  # from one to the next, where it is the same for all
 
     @classmethod
-    def even(cls, first: int, stride: int, count: int) -> Ticks:
+    def even(cls, first: int, stride: int, count: int) -> "Ticks":
         """Evenly spaced ones."""
         return cls(np.arange(count, dtype=np.int64) * stride + first, stride)
 

@@ -13,8 +13,6 @@ every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshe
 w r): interpolation is exact to rounding.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -178,7 +176,7 @@ class EvenTimes(Times):
     count: int
     first: int = 0  # Steps before the first of these moments
 
-    def stretch(self, begin: int, end: int) -> EvenTimes:
+    def stretch(self, begin: int, end: int) -> "EvenTimes":
         """The moments from number `begin` up to `end`, counted among these."""
         return EvenTimes(self.step, end - begin, self.first + begin)
 
@@ -210,7 +208,7 @@ class UnevenTimes(Times):
         """Number of moments."""
         return self.seconds.size
 
-    def stretch(self, begin: int, end: int) -> UnevenTimes:
+    def stretch(self, begin: int, end: int) -> "UnevenTimes":
         """The moments from number `begin` up to `end`."""
         return UnevenTimes(self.seconds[begin:end], self.scale)
 

@@ -1,7 +1,5 @@
 """When samples are taken, and what the chronometer says of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -56,7 +54,7 @@ class Clock:
         last = self.times.count - 1 if isinstance(self.kept, slice) else int(self.kept[-1])
         return float(Clock(self.times.stretch(last, last + 1), slice(None), self.scale).true_seconds[0])
 
-    def chunks(self) -> Iterator[Clock]:
+    def chunks(self) -> Iterator["Clock"]:
         """The same moments in chunks, always the same ones of a scene; a chunk may record nothing."""
         size = CHUNK // _UNEVEN if isinstance(self.times, UnevenTimes) else CHUNK
         for begin in range(0, self.times.count, size):

@@ -1,7 +1,5 @@
 """The record: what an instrument would have written down of the motion; and the truth, which no estimator may read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -59,7 +57,7 @@ def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Appar
     }
 
 
-def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: Unwrapping) -> Contents:
+def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: "Unwrapping") -> Contents:
     """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
 
     theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.

@@ -63,9 +63,10 @@ def checked(tree: xr.DataTree, schema: Kind) -> Contents:
 
 
 def validate(path: str | os.PathLike[str]) -> list[str]:
-    """Every fault of a file at once, one line each, ``path: group/name: what is wrong; what to do``; never raises.
+    """Every fault of a file at once, one line each, ``path: group/name: what is wrong; what to do``.
 
     By its suffix ``.toml`` it is a scene, the description of a film or edits of one; else a record, truth or result.
+    Bad content never raises.
     """
     try:
         if Path(path).suffix == ".toml":

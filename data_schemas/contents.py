@@ -1,4 +1,4 @@
-"""The plain content of a file, and nothing of HDF5 or xarray: what is checked is what is summed, read and written."""
+"""The plain content of a file, without HDF5 or xarray, so that what is checked and what is summed is the same."""
 
 from __future__ import annotations
 

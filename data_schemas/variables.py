@@ -58,7 +58,7 @@ _TYPES: dict[str, tuple[str, str, dict[str, Any]]] = {
 def _rows(text: str) -> dict[str, dict[str, Variable]]:
     """Rows by group and name, of lines ``name(dimensions | others) unit [rules]: meaning`` below lines ``[group]``.
 
-    Units may be "text", "u1" (a code), "flags" or "epoch"; rules a key of `_RULES` or "cf NAME", its standard name.
+    Units may be "text", "u1" (a code), "flags" or "epoch"; rules, with commas: keys of `_RULES`, "cf STANDARD_NAME".
     """
     groups: dict[str, dict[str, Variable]] = {}
     group = ""

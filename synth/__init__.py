@@ -62,7 +62,10 @@ def films() -> tuple[str, ...]:
 
 
 def load_film(name: str) -> Film:
-    """Read a shipped film by name, or a TOML file with its keys or a section `film`; `SceneError` in one line."""
+    """Read a shipped film by its name, or a TOML file with its keys (or with a section `film`, as a scene has).
+
+    `SceneError` in one line if no such film ships, or the file has faults.
+    """
     from pydantic import ValidationError
 
     from data_schemas.errors import SceneError

@@ -74,7 +74,10 @@ def lifted(
 
 
 def stiffening(scene: Scene) -> HarmonicSum | None:
-    """A swing s of temperature as vertical acceleration, m/s^2: `n^2 = n0^2 (1 + k s)^-2`, k = c A/T; second order."""
+    """A temperature that swings within the record, as the vertical acceleration of the same effect on n^2, m/s^2.
+
+    `n^2 = n0^2 (1 + k s)^-2` with k = c A/T of the mean pendulum, s the sine of the course, to second order in k.
+    """
     given = scene.conditions
     if not given.temperature_amplitude:
         return None
@@ -88,7 +91,10 @@ def stiffening(scene: Scene) -> HarmonicSum | None:
 
 
 def gravity_change(scene: Scene, end: float) -> HarmonicSum | None:
-    """What is added to gravity, m/s^2, or None. `SceneError`: its table is faulty, too short or changes too much."""
+    """What is added to the scene's gravity until the last sample, m/s^2; None where gravity is constant.
+
+    `SceneError` if the table of a course cannot be read, does not cover the record, or changes gravity too much.
+    """
     course = scene.gravity_course
     match course:
         case None:

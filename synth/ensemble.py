@@ -146,7 +146,7 @@ class Member(NamedTuple):
 def simulate_ensemble(
     scene: Scene, members: int, *, seed: int | None = None, vary: Vary | None = None, workers: int = 1
 ) -> Iterator[Member]:
-    """Simulate many members of a scene, which differ by seed and by what varies; lazily, in order.
+    """Simulate many members of a scene, which differ by seed and by what varies.
 
     A member is the same bits whatever `members` and `workers` are, and the same as `simulate` of its scene.
 
@@ -164,12 +164,27 @@ def simulate_ensemble(
     workers
         Processes. With more than one, a script must have its work under ``if __name__ == "__main__":``.
 
+    Returns
+    -------
+    iterator of Member
+        (number, record, truth), in order, made as they are asked for, no more than two to a worker ahead.
+
     Raises
     ------
     SceneError
         As `simulate`; for a key or range that cannot be meant, at once.
     UsageError, WorkerError
         If there is no worker, or one dies.
+
+    Examples
+    --------
+    >>> from data_schemas.scene import load_scene
+    >>> from synth import scene_path
+    >>> linear = load_scene(scene_path("linear"))
+    >>> for number, record, truth in simulate_ensemble(linear, 2, vary={"gravity": (9.7, 9.9)}):
+    ...     print(number, record.attrs["record_id"], 9.7 < float(truth["truth/gravity"]) < 9.9)
+    1 linear-0001 True
+    2 linear-0002 True
     """
     pairs = in_order(simulated, member_scenes(scene, members, seed=seed, vary=vary), min(workers, members))
     return (Member(number, to_tree(record), to_tree(truth)) for number, (record, truth) in enumerate(pairs, start=1))

@@ -117,6 +117,15 @@ def simulate_to(
     FileError
         As `data_schemas.write`. Whatever is raised, a KeyboardInterrupt too, nothing half-written stays, and older
         files stay as they were.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from data_schemas.scene import load_scene
+    >>> from synth import scene_path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     simulate_to(load_scene(scene_path("linear")), f"{folder}/linear.record.nc", f"{folder}/linear.truth.nc")
+    45000
     """
     clock = set_clock(scene)
     done = 0

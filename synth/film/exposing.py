@@ -85,6 +85,17 @@ def expose(
         The record is sampled too coarsely, or breaks its layout.
     SceneError, FileError
         As `synth.simulate_to`. Whatever is raised, a KeyboardInterrupt too, nothing half-written stays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from data_schemas import load_scene
+    >>> from synth import scene_path
+    >>> scene = load_scene(scene_path("linear")).model_copy(update={"duration": 20.0})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     truth = expose(scene, Film(lever=500.0), f"{folder}/linear.film.tif")
+    >>> truth["slices/column"].sizes["time"]
+    1417
     """
     from data_schemas.reading import read
 

@@ -50,6 +50,11 @@ def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     With `shifts` the detuning felt loses van der Pol's delta^2/8 and the arc's Phi0^2 A_i^2/8, which the paper omits:
     the solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
     `UsageError` for parameters that cannot be meant.
+
+    >>> for regime in solutions(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))):
+    ...     print(round(regime.beta, 4), round(regime.q, 5), round(regime.offset, 3))
+    0.0115 0.0 1.571
+    0.0127 0.00218 0.0
     """
     equations = _Equations(checked(clocks), shifts)
     candidates = [equations.regime(point) for root in equations.roots() for point in equations.intersections(root)]

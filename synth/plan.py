@@ -183,8 +183,8 @@ class SampledMotion(NamedTuple):
 def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]:
     """Evaluate a plan at the clock's moments, in order of time, in chunks that are the same for every use of the scene.
 
-    `SceneError` if the motion is so violent that it cannot be known. `RefusedError`, with their reasons, if no
-    propagator can do it.
+    Chunks without a sample are left out. `SceneError` if the motion is so violent that it cannot be known.
+    `RefusedError`, with their reasons, if no propagator can do it.
     """
     planes, count = plan.planes or (plan,), len(plan.frequencies)
     in_closed_form = plan.choice.propagator == "closed-form"

@@ -21,20 +21,11 @@ _WORDS = ("restoring", "reference", "acceleration_frame")
 
 
 def adopted(given: xr.DataTree | xr.Dataset | str | os.PathLike[str]) -> xr.DataTree:
-    """A record as the pipeline takes it: of a file, of a tree with dates or edited by hand, of a dataset of traces.
+    """A record as the pipeline takes it: of a file, a DataTree with dates or edited by hand, or a Dataset of traces.
 
-    Parameters
-    ----------
-    given : path, DataTree or Dataset
-        Dates become seconds. A dataset holds variables of /record and /instrument side by side; without
-        `combination`, the traces' labels say it ("1", "1-2").
-
-    Raises
-    ------
-    FileError
-        A file that cannot be read, or a variable that no file can hold.
-    RecordError
-        Labels that do not say which pendulums a trace records.
+    Dates become seconds. A dataset holds variables of /record and /instrument side by side; without `combination`, the
+    traces' labels say it ("1", "1-2"). `FileError`: a file that cannot be read, or a variable that no file can hold.
+    `RecordError`: labels that do not say which pendulums a trace records.
     """
     import xarray as xr
 

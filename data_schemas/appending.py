@@ -1,10 +1,4 @@
-"""Writes a tree to a file portion by portion, in bounded memory; the file is whole or not there.
-
-As `writing`: under a temporary name in the same folder, flushed to the disk, read back against the checksums of its
-arrays, and only then given its name.
-"""
-
-from __future__ import annotations
+"""Writes a tree to a file portion by portion, in bounded memory; the file is whole or not there, as by `writing`."""
 
 import contextlib
 import io
@@ -80,10 +74,10 @@ class Sink(io.FileIO):
 
 
 class Appended(Placed):
-    """A file that grows along time; a context manager, whose end without `publish` leaves nothing behind.
+    """A file of `length` samples that grows along time; a context, whose end without `publish` leaves nothing behind.
 
-    `length` is the number of samples of the whole; `path` and `overwrite` are those of `write`, as is the `FileError`
-    that any method may raise. Variables without time are those of the first portion, attributes those of the last.
+    Any method may raise the `FileError` of `write`. Variables without time are those of the first portion, attributes
+    those of the last.
     """
 
     def __init__(self, path: str | os.PathLike[str], length: int, *, overwrite: bool = False) -> None:

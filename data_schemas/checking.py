@@ -45,18 +45,9 @@ _LABELS = frozenset({"trace", "pendulum", "component", "estimator", "entry", "cl
 
 
 def check(tree: xr.DataTree, schema: Kind) -> list[str]:
-    """Every fault of a tree in memory, one line each with its remedy; an empty list for a good one.
+    """Every fault of a tree in memory, one line each, ``group/name: what is wrong; what to do``; empty for a good one.
 
-    Parameters
-    ----------
-    tree : xarray.DataTree
-    schema : {"record", "truth", "result", "film-truth", "summary"}
-        What it is meant to be.
-
-    Returns
-    -------
-    list of str
-        ``group/name: what is wrong; what to do``.
+    `schema` is what it is meant to be: record, truth, result, film-truth or summary.
     """
     try:
         return faults(from_tree(tree), schema)
@@ -72,17 +63,10 @@ def checked(tree: xr.DataTree, schema: Kind) -> Contents:
 
 
 def validate(path: str | os.PathLike[str]) -> list[str]:
-    """Every fault of a file at once, one line each; an empty list for a good one. Bad content never raises.
+    """Every fault of a file at once, one line each, ``path: group/name: what is wrong; what to do``.
 
-    Parameters
-    ----------
-    path : path
-        A record, truth or result; or, told by its suffix ``.toml``, a scene, the description of a film or edits of one.
-
-    Returns
-    -------
-    list of str
-        ``path: group/name: what is wrong; what to do``.
+    By its suffix ``.toml`` it is a scene, the description of a film or edits of one; else a record, truth or result.
+    Bad content never raises.
     """
     try:
         if Path(path).suffix == ".toml":

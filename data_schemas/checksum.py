@@ -49,10 +49,7 @@ def slabs(shape: tuple[int, ...], most: int = SLAB) -> Iterator[tuple[int | slic
 
 
 def digest(contents: Contents) -> str:
-    """The checksum of a plain content, 64 hexadecimal digits (definition: see the module).
-
-    Numbers that are too many to be held may be an array of an open file instead, which is read block by block.
-    """
+    """The checksum of a plain content, 64 hexadecimal digits; an array of an open file is read block by block."""
     total = hashlib.sha256()
 
     def put_text(*texts: str) -> None:
@@ -99,11 +96,5 @@ def numbers_sha256(tree: xr.DataTree) -> str:
 
 
 def content_sha256(tree: xr.DataTree) -> str:
-    """The checksum of a tree in memory: the same as in the file it was read from, or will be written to.
-
-    Raises
-    ------
-    FileError
-        A variable or attribute has a type that no file can hold.
-    """
+    """The checksum of a tree in memory, as in its file; `FileError`: a type that no file can hold."""
     return digest(from_tree(tree))

@@ -1,8 +1,4 @@
-"""The plain content of a file: groups, variables, attributes, and nothing of HDF5 or xarray.
-
-Reading, writing, checking and the checksum all meet here, so that what is checked and what is summed is the
-same thing whether it came from memory or from a file.
-"""
+"""The plain content of a file, without HDF5 or xarray, so that what is checked and what is summed is the same."""
 
 from __future__ import annotations
 
@@ -57,11 +53,7 @@ IDENTIFIER = re.compile(r"[A-Za-z0-9._+-]{1,64}")  # Of a record
 
 
 def identifier(text: str) -> str:
-    """Identifier of a record that reads like a text, a file's name as a rule.
-
-    >>> identifier("Ship 3, day 1"), identifier("")
-    ('Ship-3-day-1', 'record')
-    """
+    """Identifier of a record that reads like a text: "Ship-3-day-1" of "Ship 3, day 1", "record" of ""."""
     return re.sub(r"[^A-Za-z0-9._+-]+", "-", text).strip("-")[:64] or "record"
 
 
@@ -90,10 +82,7 @@ def storable_text(text: str, where: str) -> str:
 
 
 def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
-    """Values as a file can hold them: a number type of `NUMBERS` in native byte order, or text.
-
-    `FileError` names `where` and a remedy: the type does not travel (complex, bool, dates, objects other than text).
-    """
+    """Values as a file can hold them: a number type of `NUMBERS` in native byte order, or text; else `FileError`."""
     kind = values.dtype.kind
     if kind in "OTU":
         flat = values.ravel().tolist()
@@ -111,8 +100,7 @@ def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
 def plain_attribute(value: object, where: str) -> Any:
     """An attribute as a file can hold it: str, list of str, number, or one-dimensional array of numbers.
 
-    An array or list of one element is that element: netCDF does not tell them apart. `FileError`: the value is empty,
-    nested, or of a type that does not travel.
+    One element is that element: netCDF does not tell them apart. `FileError`: empty, nested, or of another type.
     """
     if isinstance(value, str):
         return storable_text(value, where)
@@ -130,10 +118,7 @@ def plain_attribute(value: object, where: str) -> Any:
 
 
 def as_attribute(numbers: NDArray[Any]) -> Any:
-    """Numbers of an attribute: a single one as such, int and float for the two types Python has.
-
-    Other types keep theirs: the checksum covers it.
-    """
+    """Numbers of an attribute: a single one as such, int and float for Python's types; the checksum covers the type."""
     if numbers.size != 1:
         return numbers
     number = numbers.ravel()[0]
@@ -141,10 +126,7 @@ def as_attribute(numbers: NDArray[Any]) -> Any:
 
 
 def from_tree(tree: xr.DataTree, *, numbers: bool = False) -> Contents:
-    """The content of a tree in memory, or its `numbers` alone, without text and attributes; arrays are not copied.
-
-    `FileError`: a variable or attribute has a type that no file can hold.
-    """
+    """The content of a tree, or its `numbers` alone; arrays are not copied. `FileError`: a type no file can hold."""
     contents: Contents = {}
     for node in tree.subtree:
         path = "" if node is tree else node.relative_to(tree)

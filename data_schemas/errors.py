@@ -1,7 +1,5 @@
 """The faults a user can mend: each carries one line that names the file, the variable and the remedy."""
 
-from __future__ import annotations
-
 import os
 
 
@@ -34,12 +32,6 @@ class RefusedError(IsochronyError):
 
 
 def naming(path: str | os.PathLike[str], message: str) -> str:
-    """Put the file before the message unless the message names it already.
-
-    >>> naming("a/ship.nc", "record/elongation has no finite value; record again")
-    'a/ship.nc: record/elongation has no finite value; record again'
-    >>> naming("a/ship.nc", "ship.nc: truncated; copy it again")
-    'ship.nc: truncated; copy it again'
-    """
+    """Put the file before the message, "a/ship.nc: truncated; copy it again", unless the message names it already."""
     path = os.fspath(path)
     return message if os.path.basename(path) in message else f"{path}: {message}"

@@ -1,10 +1,4 @@
-"""What the observer knows of a film: written beside the image, read with it. NAME.film.toml beside NAME.film.tif.
-
-Constants, occupations of bases and readings taken while the film ran are made of the table of the record's instrument:
-a quantity that the record may hold is one that the description may state.
-"""
-
-from __future__ import annotations
+"""What the observer knows of a film: NAME.film.toml beside NAME.film.tif, made of the table of the instrument."""
 
 import os
 from collections.abc import Sequence
@@ -163,27 +157,15 @@ def _check_readings(readings: Sequence[Any], instrument: Any) -> None:
 
 
 def description_path(film: str | os.PathLike[str]) -> Path:
-    """Where the description of a film is kept: beside its image.
-
-    >>> description_path("a/ship.film.tif").name, description_path("a/scan.png").name
-    ('ship.film.toml', 'scan.film.toml')
-    """
+    """Where the description of a film is kept: a/ship.film.toml beside a/ship.film.tif."""
     return Path(film).with_name(film_stem(film) + ".film.toml")
 
 
 def film_stem(film: str | os.PathLike[str]) -> str:
-    """Name of a film without folder and endings.
-
-    >>> film_stem("a/ship.v2.film.tif"), film_stem("scan.png")
-    ('ship.v2', 'scan')
-    """
+    """Name of a film without folder and endings: ship.v2 of a/ship.v2.film.tif."""
     return Path(film).with_suffix("").name.removesuffix(".film")
 
 
 def load_description(path: str | os.PathLike[str]) -> FilmDescription:
-    """Read a description.
-
-    `FileError`: it cannot be read, or is not TOML; `RecordError`: in one line every faulty key, its value and what is
-    allowed.
-    """
+    """Read a description; `FileError`: it cannot be read, or is not TOML; `RecordError`: faulty keys, in one line."""
     return load_section(path, FilmDescription, "a film's description", RecordError, FileError)

@@ -1,11 +1,8 @@
 """What a person corrects of the reading of a film: NAME.edits.toml beside the scan NAME.film.tif.
 
 Rows and columns are pixels of the scan turned clockwise by `orientation` degrees, so that rows run with time; pixel i
-reaches from i to i + 1. Traces count from 1, from the left to the right at rest. Edits are applied to the reading of
-the untouched film, so that they may be replayed, and the same edits give the same numbers.
+reaches from i to i + 1. Traces count from 1, from the left at rest. Edits apply to the reading of the untouched film.
 """
-
-from __future__ import annotations
 
 import os
 from datetime import datetime, time, timedelta
@@ -69,10 +66,7 @@ class Mark(_At):
         return self
 
     def seconds(self, start: str) -> float | None:
-        """Its time, s since `start` (date and time); None where it has none.
-
-        Of a time without a date, that within half a day of the start counts.
-        """
+        """Its time, s since `start`, or None; a time without a date is that within half a day of the start."""
         if self.time is None:
             return None
         begin = datetime.fromisoformat(start).replace(tzinfo=None)
@@ -134,11 +128,7 @@ class FilmEdits(Section):
 
 
 def edits_path(film: str | os.PathLike[str]) -> Path:
-    """Where the edits of a film are kept: beside its image.
-
-    >>> edits_path("a/ship.film.tif").name
-    'ship.edits.toml'
-    """
+    """Where the edits of a film are kept: a/ship.edits.toml beside a/ship.film.tif."""
     return Path(film).with_name(film_stem(film) + ".edits.toml")
 
 

@@ -1,20 +1,15 @@
 """Looks a file over before anything in it is read, and refuses what could deceive, exhaust or hang the reader.
 
 Only an ordinary HDF5 file passes, made of hard-linked groups and arrays of plain numbers or text, stored inside the
-file itself, within a `Budget`. Nothing here follows a link or touches values of arrays or attributes, so the inspection
-is safe in the caller's own process.
+file itself, within a `Budget`. Nothing here follows a link or touches values: it is safe in the caller's own process.
 
-One part of an HDF5 file has no checksum and can hang its library: the heaps of long text.
-Text of variable length, and the references from arrays to their dimensions, lie in *global heap collections*:
-a header (``GCOL``, version, length), then objects, each with a header of 16 bytes (index, count, length) and
-padded to 8 bytes; index 0 is the free rest, and its length counts the header. The library steps from object
-to object without asking whether it moves: one flipped bit that makes it land on zeros, read as free space of
-length 0, and it never returns. An array of text holds, an element, a length, the address of a collection and
-an index; the library believes the length: one flipped bit makes it ask for gigabytes. So both are verified
-here from the bytes, before the library looks.
+The heaps of long text have no checksum and can hang the library, so they are verified from the bytes before it looks.
+A *global heap collection* is a header (``GCOL``, version, length), then objects, each with a header of 16 bytes
+(index, count, length) and padded to 8 bytes; index 0 is the free rest, and its length counts the header. The library
+steps from object to object without asking whether it moves: a flipped bit may make it land on zeros, and it never
+returns. An array of text holds, an element, a length, the address of a collection and an index; the library believes
+the length: one flipped bit makes it ask for gigabytes.
 """
-
-from __future__ import annotations
 
 import math
 import os
@@ -58,9 +53,8 @@ Heaps = dict[int, dict[int, int]]  # Length of each object by index, by address 
 
 @dataclass(frozen=True)
 class Budget:
-    """What one file may declare at most.
+    """What one file may declare at most; the largest honest one, a day's result at 100 Hz by all methods, has 2.5 GiB.
 
-    The largest honest file is the result of a day at 100 Hz by all methods: 2.5 GiB; the others are far smaller.
     Values may take `always` bytes and `packed` times those of their file. `chunks` allows an unlimited dimension
     written a sample at a time for half a day at 25 Hz.
     """
@@ -108,10 +102,7 @@ class Survey:
 
 
 def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
-    """Size of a file that is safe to open: an ordinary file of at most so many bytes that starts like HDF5.
-
-    `FileError`: missing, unreadable, a folder, a FIFO, a device, empty, or something other than HDF5.
-    """
+    """Size of an ordinary file of at most so many bytes that starts like HDF5; `FileError` for anything else."""
     size = ordinary_size(path, most, "give a netCDF-4 file, made with simulate or import")
     try:
         with Path(path).open("rb") as file:
@@ -125,10 +116,7 @@ def ordinary(path: str | os.PathLike[str], most: int = Budget().file) -> int:
 
 
 def survey(file: h5py.File, size: int, budget: Budget) -> Survey:
-    """Walk over an open file of `size` bytes and refuse it as a whole if anything in it is not plain.
-
-    `FileError` names the group or variable, without the file's name (`reading` puts it in front).
-    """
+    """Walk over an open file of `size` bytes; `FileError`, without the file's name, if anything in it is not plain."""
     found = Survey(budget)
     stored = 0
     root = h5g.open(file.id, b"/")
@@ -271,9 +259,8 @@ def _attributes(owner: h5g.GroupID | h5d.DatasetID, where: str, budget: Budget) 
 
 
 def sound_heaps(path: str | os.PathLike[str]) -> Heaps:
-    """Step through every heap collection of a file as the library would, each byte once.
+    """Step through every heap collection as the library would, each byte once; overlaps are traps.
 
-    Collections never overlap: what looks like one within another, or claims bytes that are another's, is a trap.
     `FileError`: in one of them the library would stand still or leave it, or they are larger than any text is.
     """
     found: Heaps = {}

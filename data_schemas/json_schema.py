@@ -1,11 +1,8 @@
-"""JSON Schema of each kind of file, made from the table of variables; of a scene, from its model.
+"""JSON Schema of a scene, from its model, and of each kind of file, from the table of variables.
 
-A netCDF file is no JSON: the schemas of record, truth and result describe its *header*, what ``ncdump -h``
-shows: attributes, variables (dimensions, type, attributes) and groups; numbers that JSON lacks are null. What a
-header cannot show (values, lengths, labels) is the business of `check`.
+Of a netCDF file it describes the *header*, as ``ncdump -h`` shows it; numbers that JSON lacks are null. What a header
+cannot show (values, lengths, labels) is the business of `check`.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -23,15 +20,7 @@ _ATTRIBUTE = {"oneOf": [_VALUE, {"type": "array", "items": _VALUE}]}
 
 
 def json_schema(name: Literal["scene", "record", "truth", "result", "film-truth", "summary"]) -> dict[str, Any]:
-    """JSON Schema (draft 2020-12), in plain JSON values, of a scene, or of the header of a file of another kind.
-
-    `UsageError`: no schema has that name.
-
-    Examples
-    --------
-    >>> json_schema("record")["properties"]["attributes"]["properties"]["schema"]["const"]
-    'isochrony-record'
-    """
+    """JSON Schema (draft 2020-12) of a scene, or of a file's header; `UsageError`: no schema has that name."""
     if name == "scene":
         from .scene import Scene
 

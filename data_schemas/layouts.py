@@ -1,7 +1,5 @@
 """The kinds of file: which groups and which attributes each must and may hold."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal

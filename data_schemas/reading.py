@@ -1,8 +1,7 @@
 """Reads a file into memory, or its shapes and checksum alone: looked over first, read by HDF5, verified.
 
-netCDF-4 keeps names of dimensions as references from each array to *dimension scales*: arrays that bear the dimension's
-name, whether they hold coordinates or are mere placeholders. Files of plain HDF5 have none; then the table of
-variables gives the names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
+netCDF-4 keeps names of dimensions as references to *dimension scales*. Files of plain HDF5 have none; then the table
+of variables gives the names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
 """
 
 from __future__ import annotations
@@ -49,7 +48,10 @@ _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError
 
 
 def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
-    """Read a record, truth or result.
+    """Read a record, truth or result whole; ``time`` stays float64 seconds.
+
+    Packed values (``scale_factor``, ``add_offset``, ``_FillValue``) of other programs are unpacked, missing ones NaN.
+    The checksum attribute is verified and left out.
 
     Parameters
     ----------
@@ -58,18 +60,10 @@ def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
     declared : callable, optional
         Told how many bytes of values the file declares, after it was looked over and before they are read.
 
-    Returns
-    -------
-    xarray.DataTree
-        All read, the file closed. ``time`` stays float64 seconds. Packed values (``scale_factor``, ``add_offset``,
-        ``_FillValue``) of other programs are unpacked, missing ones NaN. The checksum attribute is verified and left
-        out.
-
     Raises
     ------
     FileError
-        The file is missing, damaged, hostile, or does not match its checksum. What it means is not looked at:
-        that is `validate`.
+        The file is missing, damaged, hostile, or does not match its checksum. Its meaning is left to `validate`.
     """
     contents = load(path, declared=declared)
     try:
@@ -91,10 +85,7 @@ def load(path: Path, budget: Budget | None = None, *, declared: Declared | None 
 
 
 def _as_written(contents: Contents, found: Survey) -> bool:
-    """Whether a file is as `write` makes them: checksums on all arrays of numbers, and no fill values.
-
-    xarray's `to_netcdf` carries checksums over from a file that has them, but gives every array of floats a fill value.
-    """
+    """Whether a file is as `write` makes them: checksums on all arrays of numbers, no fill values (as xarray gives)."""
     if any("_FillValue" in entry.attrs for group in contents.values() for entry in group.variables.values()):
         return False
     arrays = (h5py.Dataset(one.id) for one in found.arrays if one.id.shape)
@@ -102,9 +93,9 @@ def _as_written(contents: Contents, found: Survey) -> bool:
 
 
 def skim(path: Path) -> tuple[Contents, str]:
-    """Look a file over and sum it up in bounded memory: its content and the checksum of what is stored.
+    """The content of a file, without values of numbers, and the checksum of what is stored; in bounded memory.
 
-    The content lacks ``content_sha256``, and values of arrays of numbers, gone with the file. `FileError`: as `read`.
+    `FileError`: as `read`.
     """
     with _opened(path, Budget(), h5py.Dataset) as (contents, _):
         stored, found = contents[""].attrs.pop(ATTRIBUTE, None), digest(contents)

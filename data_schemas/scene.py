@@ -1,7 +1,5 @@
 """A scene: everything the simulator needs to know, read from TOML or built from Python."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os
@@ -136,25 +134,10 @@ class Scene(Section):
 
 
 def load_scene(path: str | os.PathLike[str], *, allow_paths: bool = False) -> Scene:
-    """Read a scene from a TOML file.
+    """Read a scene, checked and frozen, from a TOML file, whose folder its paths are relative to.
 
-    Parameters
-    ----------
-    path
-        The file. Paths inside it are relative to its folder.
-    allow_paths : bool
-        Whether the tables that it names may lie elsewhere than in that folder or below.
-
-    Returns
-    -------
-    Scene
-        Checked and frozen.
-
-    Raises
-    ------
-    SceneError
-        With one line that names the file, every faulty key, its value and what is allowed;
-        for an unknown key also the nearest known one.
+    `allow_paths`: whether the tables that it names may lie elsewhere than in that folder or below. `SceneError`, in one
+    line: the file, every faulty key, its value and what is allowed; for an unknown key also the nearest known one.
     """
     context = {"folder": Path(path).parent, "anywhere": allow_paths}
     return load_section(path, Scene, "a scene", SceneError, context=context)
@@ -175,11 +158,6 @@ def lightening(latitude: float, speed: float, course: float) -> float:
     """Loss of gravity on a ship under way, m/s^2, upright centrifugal force of its motion less the Earth's own.
 
     `latitude` and `course`, from north by east, are in degrees, `speed` over ground in m/s.
-
-    Examples
-    --------
-    >>> round(lightening(0.0, 4 * 1852 / 3600, 90.0) * 1e5, 1)
-    30.1
     """
     slant, way = math.radians(latitude), math.radians(course)
     bulge = math.sqrt(1.0 - (math.sqrt(_SQUARE_ECCENTRICITY) * math.sin(slant)) ** 2)
@@ -216,11 +194,7 @@ def frequency(scene: Scene, pendulum: Pendulum) -> float:
 
 
 def check_physics(scene: Scene) -> None:
-    """Raise ValueError, with the remedy, for what has no equations of motion.
-
-    `restoring = "linear"` is the law of small arcs on a support that is moved sideways, whatever resists or drives
-    the pendulums; heave and supports that yield act on real pendulums.
-    """
+    """Raise ValueError, with the remedy, for what has no equations of motion: linear pendulums in heave, say."""
     linear, case = scene.restoring == "linear", scene.case
     sine = "on real pendulums only; set restoring = 'sine'"
     refuse(linear and any(term.axis == "vertical" for term in scene.motion), f"a vertical motion acts {sine}")

@@ -1,7 +1,5 @@
 """What every part of a scene shares: frozen sections, quantities with unit and range, faults in one line."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re
@@ -26,10 +24,9 @@ class Section(BaseModel):
 
 
 def quantity(default: Any, unit: str, description: str, **limits: Any) -> Any:
-    """Field of a scene; `default=...` makes it required.
+    """Field of a scene; `default=...` makes it required; `limits` are a range as pydantic knows it.
 
-    `unit` is "1" for pure numbers, "" for words and lists of sections; `limits` are the range as pydantic knows it: gt,
-    ge, lt, le, min_length, max_length, pattern.
+    `unit` is "1" for pure numbers, "" for words and lists of sections.
     """
     return Field(default, description=description, json_schema_extra={"unit": unit}, **limits)
 
@@ -101,8 +98,7 @@ def load_section(
 ) -> _Kind:  # fmt: skip
     """Read a section of its own from a TOML file that should hold `what` ("a scene").
 
-    `fault`, in one line: the file, every faulty key, its value and what is allowed. `unread`, as `fault` where it is
-    left out: the file cannot be read, or is not TOML.
+    Errors in one line: `fault`, every faulty key; `unread` (else `fault`), a file that cannot be read, or is not TOML.
     """
     content = load_toml(path, what, unread or fault)
     try:

@@ -1,7 +1,5 @@
 """What acts on the apparatus: motion of the support, tilt of the case, the course of gravity, heat, air and way."""
 
-from __future__ import annotations
-
 import math
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pendulums of a scene: how they start, what resists and drives them, what is done to them, what they hang on."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field

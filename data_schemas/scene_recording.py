@@ -3,8 +3,6 @@
 A film comes to be in two steps: it is exposed (camera, clock, drive and lamp); then development, dirt and scanner.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Literal, Self
 

@@ -1,7 +1,5 @@
 """Guards of this process: Ctrl-C and a request to end wait until a delicate step is done; memory has a bound."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -17,10 +15,9 @@ _WAIT = (signal.SIGINT, signal.SIGTERM)
 
 @contextlib.contextmanager
 def shielded() -> Iterator[None]:
-    """Let signals wait until the end of the block, then act as they would have.
+    """Let signals wait until the end of the block: raised within HDF5 they may be lost, or leave a file half closed.
 
-    An exception that a signal raises in the middle of HDF5 or of its wrappers may be lost, or leave a file half
-    closed. Other threads than the main one get no signals, and nothing is changed there.
+    Other threads than the main one get no signals, and nothing is changed there.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -48,12 +45,10 @@ def shielded() -> Iterator[None]:
 def bounded(fixed: int | None) -> Iterator[Callable[[int], None]]:
     """Keep this process below `fixed` bytes; once the input says what it declares, `PER_DECLARED` times that is added.
 
-    What the system can limit is address space, of which a process that has compiled code maps hundreds of MiB that it
-    never touches. So the limit is what may be held in memory plus what is mapped and not held now: then an allocation
-    that would pass the bound fails, with a `MemoryError` or the end of the process. What an input declares may be a
-    bomb, a megabyte that unpacks to gigabytes: it never gives more than half of the machine's memory.
-
-    None, or a system without such a limit, is unbounded. What is yielded is told the bytes that the input declares.
+    What the system can limit is address space, of which compiled code maps hundreds of MiB that it never touches: the
+    limit is what may be held in memory plus what is mapped and not held now. Beyond it an allocation fails, with a
+    `MemoryError` or the end of the process. An input may declare a bomb: it never gives more than half of the machine's
+    memory. None, or a system without such a limit, is unbounded. What is yielded is told the bytes that are declared.
     """
     if fixed is None or not _STATM.exists():
         yield lambda _declared: None

@@ -1,7 +1,5 @@
 """Files of anybody's making: ordinary ones of a bounded size alone, for a pipe, a device, /proc may never end."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -22,10 +20,7 @@ _LONG_KEY = re.compile(rb"(?<![\w\"'-])(?:[\w\"'-]++[ \t]*+\.[ \t]*+){%d}" % MOS
 
 
 def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: type[IsochronyError] = FileError) -> int:
-    """Bytes of a file that may be opened; `remedy` says what to give instead.
-
-    `error`: it is not there, no ordinary file, empty, or of more than `most` bytes.
-    """
+    """Bytes of a file that may be opened; `error`, with `remedy`: missing, not ordinary, empty, beyond `most` bytes."""
     name = shown(path, 400)
     try:
         status = os.stat(path)
@@ -43,11 +38,7 @@ def ordinary_size(path: str | os.PathLike[str], most: int, remedy: str, error: t
 
 
 def file_sha256(path: str | os.PathLike[str]) -> str:
-    """Hexadecimal SHA-256 of an ordinary file.
-
-    `FileError` where there is none, it may not be read, is larger than any that is read, or a folder, a FIFO, a device:
-    nothing that could hang.
-    """
+    """Hexadecimal SHA-256 of an ordinary file; `FileError`: missing, unreadable, too large, a folder, a FIFO."""
     ordinary_size(path, MOST_BYTES, "give one")
     try:
         with open(path, "rb", buffering=0) as file:
@@ -57,10 +48,7 @@ def file_sha256(path: str | os.PathLike[str]) -> str:
 
 
 def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyError] = FileError) -> str:
-    """Text of a table in UTF-8, whose lines no reader chokes on.
-
-    `error`: as `ordinary_size`; it is no text, or has a line of more than `MOST_LINE` bytes.
-    """
+    """UTF-8 text of a table; `error`: as `ordinary_size`, no text, or a line of more than `MOST_LINE` bytes."""
     ordinary_size(path, MOST_TEXT, remedy, error)
     name = shown(path, 400)
     try:
@@ -78,10 +66,7 @@ def text_of(path: str | os.PathLike[str], remedy: str, error: type[IsochronyErro
 
 
 def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyError]) -> dict[str, Any]:
-    """Content of a TOML file that should hold `what` ("a scene"): nothing that could hang, or fill the memory.
-
-    `error`, in one line: the file, what is wrong and the remedy.
-    """
+    """Content of a TOML file that should hold `what` ("a scene"); `error`: the file, what is wrong and the remedy."""
     import tomllib
 
     path = Path(path)
@@ -104,10 +89,7 @@ def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyErro
 
 
 def toml_text(content: Mapping[str, Any]) -> str:
-    """A mapping of text, numbers, truth values, flat lists, tables and lists of tables as TOML.
-
-    What is None is left out. Reading it back gives the same values.
-    """
+    """A mapping of plain values, flat lists, tables and lists of tables as TOML; None is left out."""
     lines, tables = [], []
     for name, value in content.items():
         if isinstance(value, Mapping):

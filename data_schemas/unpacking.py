@@ -1,7 +1,5 @@
 """Older and packed content brought to the layouts of today; packing is that of CF 2.5.1 and 8.1."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -39,9 +37,8 @@ def current(contents: Contents) -> Contents:
 
 
 def unpacked(contents: Contents) -> Contents:
-    """The content with packed values unpacked in place to float64, and missing ones NaN.
+    """The content with packed values, but flags and counts, unpacked in place to float64, missing ones NaN.
 
-    Integers without scale or offset stay as they are, whatever their fill value: they are flags and counts.
     `FileError`: a packing attribute is not a number.
     """
     for path, group in contents.items():

@@ -58,8 +58,7 @@ _TYPES: dict[str, tuple[str, str, dict[str, Any]]] = {
 def _rows(text: str) -> dict[str, dict[str, Variable]]:
     """Rows by group and name, of lines ``name(dimensions | others) unit [rules]: meaning`` below lines ``[group]``.
 
-    In place of a unit "text", "u1" (a code), "flags" or "epoch". Rules, with commas: "required", "missing",
-    "positive", "nonnegative", and "cf NAME", its standard name.
+    Units may be "text", "u1" (a code), "flags" or "epoch"; rules, with commas: keys of `_RULES`, "cf STANDARD_NAME".
     """
     groups: dict[str, dict[str, Variable]] = {}
     group = ""
@@ -113,15 +112,9 @@ def add_constant(name: str, units: str, long_name: str) -> None:
 
 
 def attributes(key: str) -> dict[str, Any]:
-    """Attributes to attach to a variable in memory: ``units``, ``long_name`` and what CF asks beside them.
+    """Attributes of a variable ``group/name`` for memory: ``units``, ``long_name`` and what CF asks beside them.
 
-    `key` is ``group/name``, or the bare name at the root. The dictionary is yours to change: set the epoch in ``units``
-    of ``time`` to the record's own start. `KeyError`: the table has no such variable.
-
-    Examples
-    --------
-    >>> attributes("record/elongation")["units"]
-    'rad'
+    The dictionary is yours to change: set the epoch in ``units`` of ``time``. `KeyError`: not in the table.
     """
     row = VARIABLES[key]
     named = {} if row.standard_name is None else {"standard_name": row.standard_name}
@@ -132,10 +125,7 @@ def dataset(
     group: str, values: Mapping[str, Any], coordinates: Mapping[str, Any] = MappingProxyType({}),
     extra: Mapping[str, tuple[str, str]] = MappingProxyType({}), dims: tuple[str, ...] = (),
 ) -> xr.Dataset:  # fmt: skip
-    """A group of a file: dimensions, units and meaning of its values from the table.
-
-    `extra` has units and meanings of values that the table does not know, all with the dimensions `dims`.
-    """
+    """A group of a file, units and meanings from the table or from `extra`, whose values have the dimensions `dims`."""
     import xarray as xr
 
     def entry(name: str, value: Any) -> xr.Variable:
@@ -178,10 +168,7 @@ def _powers(unit: str) -> Counter[str] | None:
 
 
 def same_unit(given: object, wanted: str) -> bool:
-    """Whether a unit as found in a file means the unit of the table.
-
-    A unit of time with an epoch matches any epoch.
-    """
+    """Whether a unit as found in a file means the unit of the table; a unit of time matches with any epoch."""
     if not isinstance(given, str):
         # a dimensionless unit is written by some as the number 1
         return wanted == "1" and given == 1

@@ -4,7 +4,5 @@ What was read (/record), with what (/instrument), and from which film (/film). A
 its standard deviation beside it as X_uncertainty.
 """
 
-from __future__ import annotations
-
 FLAGS = "gap saturated interpolated time_mark ambiguous lost overlap single_direction outlier"
 ELONGATION_FLAGS = {flag: 1 << bit for bit, flag in enumerate(FLAGS.split())}

@@ -4,8 +4,6 @@ Images of films count as the film lies when its rows run with time: pixel i reac
 has its centre line at i + 0.5, and is sample i of the file's time.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 TABLE = Path(__file__).with_suffix(".txt").read_text(encoding="utf-8")

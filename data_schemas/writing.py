@@ -1,8 +1,7 @@
 """Writes a tree to a file that is either whole or not there.
 
-The file is made in memory, every array protected by its own checksums, written under a temporary name in the same
-folder, flushed to the disk, read back, compared with what was meant, and only then given its name: a full disk, a kill
-or a fault of the library leaves the folder as it was.
+Made in memory with checksums on every array, written under a temporary name in the same folder, flushed, read back,
+compared, and only then given its name: a full disk, a kill or a fault of the library leaves the folder as it was.
 """
 
 from __future__ import annotations
@@ -39,12 +38,12 @@ _BLOCK = 1 << 22  # bytes
 
 
 def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
-    """Write a record, truth or result.
+    """Write a record, truth or result; what it means is not looked at: that is `check`.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        Variables of plain numbers or text. What they mean is not looked at: that is `check`.
+        Variables of plain numbers or text.
     path : path
         Of the file to make; its folder must exist.
     overwrite : bool
@@ -80,7 +79,7 @@ def write_text(text: str, path: str | os.PathLike[str], *, overwrite: bool = Fal
 
 
 class Placed:
-    """A file that is made under a `temporary` name beside its own; the end of the block removes what has no name then.
+    """A file made under a `temporary` name beside its own, removed at the end of the block if it got no name.
 
     `FileError`, at once, where no file can be or one is that may not be replaced.
     """
@@ -247,8 +246,7 @@ def _put(array: h5py.Dataset, values: NDArray[Any], where: str) -> None:
 def lay_out(file: h5py.File, contents: Contents) -> dict[str, h5py.Dataset]:
     """Make all groups, dimensions and variables with their attributes, but no values and no attributes of groups.
 
-    Gives the arrays of the variables, by ``group/name``; raises as `encoded`. Dimensions are HDF5 dimension scales, as
-    netCDF-4 has them: a coordinate is its own, others have a placeholder.
+    Gives the arrays by ``group/name``; raises as `encoded`. Dimensions are HDF5 dimension scales, as in netCDF-4.
     """
     scales: dict[str, dict[str, h5py.Dataset]] = {}
     arrays: dict[str, h5py.Dataset] = {}

@@ -1,8 +1,7 @@
-"""The simulator: a scene becomes a record and its truth.
+"""The simulator: a scene becomes a record and its truth. Nothing is imported before it is used.
 
-`simulate` is the one entry, `simulate_to` its way straight to files; `simulate_ensemble` and `write_ensemble` make many
-members of a scene; `expose` puts a record or a scene on photographic film. `scenes` and `scene_path` give the scenes
-that ship with the package, `films` and `load_film` the films. Nothing is imported before it is used.
+`simulate`, `simulate_to` for one scene; `simulate_ensemble`, `write_ensemble` for many members of it; `expose` for
+photographic film. `scenes`, `scene_path`, `films` and `load_film` give what ships with the package.
 """
 
 from __future__ import annotations
@@ -44,13 +43,7 @@ def __dir__() -> list[str]:
 
 
 def scenes() -> tuple[str, ...]:
-    """Names of the shipped scenes, in alphabetical order.
-
-    Examples
-    --------
-    >>> "demo" in scenes()
-    True
-    """
+    """Names of the shipped scenes, in alphabetical order."""
     return tuple(sorted(each.stem for each in _SCENES.glob("*.toml")))
 
 
@@ -64,18 +57,12 @@ def scene_path(name: str) -> Path:
 
 
 def films() -> tuple[str, ...]:
-    """Names of the shipped films, in alphabetical order.
-
-    Examples
-    --------
-    >>> films()
-    ('bad', 'clean', 'historic-slow', 'typical')
-    """
+    """Names of the shipped films, in alphabetical order."""
     return tuple(sorted(each.stem for each in _FILMS.glob("*.toml")))
 
 
 def load_film(name: str) -> Film:
-    """Read a film: the name of a shipped one, or a TOML file with its keys (or with a section `film`, as a scene has).
+    """Read a shipped film by its name, or a TOML file with its keys (or with a section `film`, as a scene has).
 
     `SceneError` in one line if no such film ships, or the file has faults.
     """

@@ -1,9 +1,4 @@
-"""From a scene to equations of motion and their states: a system of `synth.systems`, its start, kicks, an integrator.
-
-Only scenes that need a general integrator come here, and only here are systems and their compiler imported.
-"""
-
-from __future__ import annotations
+"""From a scene that needs a general integrator to its system of `synth.systems`, its start, kicks and integrator."""
 
 from collections.abc import Sequence
 from importlib import import_module
@@ -36,10 +31,7 @@ class Assembly(NamedTuple):
     board: float | None = None  # Displacement of a rolling board by the sum of the sines, m
 
     def rows(self, states: Floats) -> Floats:
-        """Angles of the pendulums, (pendulums, k) rad, and below them the displacement of a support that yields, m.
-
-        The states are (k, n), in the system's own units.
-        """
+        """From states (k, n): angles, (pendulums, k) rad, and below them the displacement of a yielding support, m."""
         states = states if self.units is None else states * self.units
         first = self.system.first_angle
         angles = states[:, first::2].T
@@ -56,10 +48,9 @@ def assemble(
     kicks: Kicks | None,
     end: float,
 ) -> Assembly:
-    """Build the equations of a scene, until `end`, s; `RefusedError` if the reduced beam cannot hold the clocks.
+    """The equations of a scene until `end`, s; `RefusedError` if the reduced beam cannot hold the clocks.
 
-    The frequencies are those at infinitesimal arc on a rigid support, rad/s; motion and vertical the horizontal and
-    vertical acceleration of the ship; the kicks random impulses of pendulums on a fixed support.
+    The frequencies are those at infinitesimal arc on a rigid support, rad/s.
     """
     pendulums, support, gravity = scene.pendulums, scene.support, felt_gravity(scene)
     terms, sideways, upwards = terms_of(pendulums), _harmonics(motion), _harmonics(vertical)
@@ -140,8 +131,7 @@ def integrated(
 ) -> tuple[Floats, float, Propagator]:
     """Integrate by the first of the propagators that does not refuse; `RefusedError` with every reason if all do.
 
-    Moments are increasing, none before t = 0, s; the tolerance is the relative error wanted. Returned are
-    `Assembly.rows`, the estimated error of the worst component over its largest size, and the propagator.
+    Returned are `Assembly.rows`, the estimated error of the worst component over its largest size, and the propagator.
     """
     times = seconds * assembly.time_scale
     begins = int(times[0] > 0.0)  # states are wanted from t = 0 on

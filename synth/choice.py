@@ -1,7 +1,5 @@
 """What a scene asks of a propagator, which suits it, which may stand in for that one, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 

@@ -1,42 +1,35 @@
-"""What acts on the pendulums beside the motion that is recorded: changes of gravity and of the case, and kicks.
-
-Some of it acts as a vertical acceleration does, but is no part of the recorded z'': sums of harmonics.
+"""What acts on the pendulums beside the recorded motion: changes of gravity and of the case, and kicks.
 
 With g the true gravity, E the Eotvos effect, b the tilt, W the rate of turn, l a pendulum's length,
 
     T = period + c (t - t_ref) + D rho/rho0 + drift      at reference gravity
     n^2 = (2 pi/T)^2 (g - E) cos b / g_ref - W^2
 
-and accelerations of the support, as they act in the tilted plane, compare with (g - E) cos b - W^2 l. The turn's
-`W^2 sin cos` is taken as `W^2 sin`: within 1e-3 mGal at one degree a second and arcs of 20 mrad. What changes within
-the record acts as heave does,
+and accelerations of the support compare with (g - E) cos b - W^2 l. The turn's `W^2 sin cos` is taken as `W^2 sin`:
+within 1e-3 mGal at one degree a second and arcs of 20 mrad. What changes within the record acts as heave does, as a
+sum of harmonics that is no part of the recorded z'', so that every propagator knows it:
 
     theta'' = -(1/l) [(g(t) + z'') sin theta + x'' cos theta]        linear law: -(1/l) [g(t) theta + x'']
 
-so every propagator that knows heave knows it. Products of two such changes are left out, as those with heave are (below
-3e-3 mGal at 100 mGal).
+Products of two such changes are left out, as those with heave are (below 3e-3 mGal at 100 mGal).
 
-A pitch p(t) of the case, in the plane of swing, leaves the pendulums alone. A roll b(t) turns the plane about a
-horizontal axis through the suspension: along the plane gravity is `(g + z'') cos b - y'' sin b`, and the pendulum's own
-turning adds `l b'^2 cos theta`, taken as `l b'^2` of the mean length (3e-3 mGal at 30 mrad in 6 s). So a roll acts as
+A pitch of the case, in the plane of swing, leaves the pendulums alone. A roll b(t) turns the plane: along it gravity is
+`(g + z'') cos b - y'' sin b`, and the pendulum's own turning adds `l b'^2 cos theta`, taken as `l b'^2` of the mean
+length (3e-3 mGal at 30 mrad in 6 s). So a roll acts as
 
     (g + z'') (cos b - 1) - y'' sin b + l b'^2
 
-which is evaluated at even times, finely, and continued between them. Both are positive as elongations are: a case that
-follows the apparent vertical leans by -x''/g and -y''/g.
+evaluated at fine even times. A case that follows the apparent vertical leans by -x''/g and -y''/g.
 
-Random kicks of each pendulum are white noise of the angular velocity, as impulses at an even step; what is done to a
-pendulum by hand comes at the nearest of these impulses too: a knock, a restart, a release.
+Random kicks are white noise of the angular velocity, as impulses at an even step; knocks, restarts and releases come
+at the nearest of these impulses too.
 
     d theta' = n k dW    becomes    theta' += n k sqrt(h) xi_j  at t = h, 2 h ...,    xi_j normal
 
-At 16 and more impulses a period the walk of amplitude and phase is that of white noise that begins half a step late:
-its variances are short by h/(2 t) of themselves, and between two impulses the angle lacks less than `0.2 k sqrt(h)`,
-5e-9 rad at k = 1e-7. The step depends on the sampling and the fastest pendulum alone, an impulse on the seed, the
-pendulum's label and its number: any propagator, in any chunks, gives the same motion.
+At 16 and more impulses a period the walk is that of white noise that begins half a step late: its variances are short
+by h/(2 t) of themselves, and the angle lacks less than `0.2 k sqrt(h)`, 5e-9 rad at k = 1e-7. Step and impulses depend
+on sampling, seed and label alone: any propagator, in any chunks, gives the same motion.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -81,10 +74,9 @@ def lifted(
 
 
 def stiffening(scene: Scene) -> HarmonicSum | None:
-    """A temperature that swings within the record, as the vertical acceleration that would change n^2 alike, m/s^2.
+    """A temperature that swings within the record, as the vertical acceleration of the same effect on n^2, m/s^2.
 
-    `n^2 = n0^2 (1 + k s)^-2` with k = c A/T of the mean pendulum, s the sine of the course, to second order in k: the
-    third is 1e-11.
+    `n^2 = n0^2 (1 + k s)^-2` with k = c A/T of the mean pendulum, s the sine of the course, to second order in k.
     """
     given = scene.conditions
     if not given.temperature_amplitude:
@@ -205,10 +197,7 @@ class Kicks:
     held: tuple[tuple[int, float, float, float], ...] = ()  # Pendulum, from when to when, s, at which angle, rad
 
     def changes(self, first: int, count: int) -> Floats:
-        """By `count` impulses from the `first`: what stays of the state, what is added to theta and to theta'/n, rad.
-
-        Of shape (3, pendulums, count).
-        """
+        """Of shape (3, pendulums, count): what stays of the state, what is added to theta and to theta'/n, rad."""
         blocks = range(first // _BLOCK, -(-(first + count) // _BLOCK))
         skip = first - blocks.start * _BLOCK
         result = np.zeros((3, self.sizes.size, count))
@@ -231,10 +220,7 @@ def _block(seed: int, label: str, number: int) -> Floats:
 
 
 def kicks(scene: Scene, fastest: float, times: EvenTimes | UnevenTimes) -> Kicks | None:
-    """Impulses of a scene whose largest n is `fastest`, rad/s; None where no pendulum has any.
-
-    The times are those of the samples; none lies before t = 0.
-    """
+    """Impulses of a scene at samples' times; `fastest` is its largest n, rad/s; None where no pendulum has any."""
     intensity = np.array([each.kick_intensity for each in scene.pendulums])
     if not intensity.any() and not scene.events:
         return None

@@ -1,8 +1,7 @@
 """Many members of one scene, in order: in memory and lazily, or straight to files, where an interrupted run goes on.
 
-A member depends on the ensemble's seed and its own number only: not on how many members there are, in which order or by
-how many processes they are made. Each varied key draws from a generator of its own, so that a further one changes no
-other. Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
+A member depends on the ensemble's seed and its own number only, and each varied key draws from a generator of its own.
+Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
 """
 
 from __future__ import annotations
@@ -59,8 +58,7 @@ class WorkerError(IsochronyError):
 def member_scenes(scene: Scene, count: int, *, seed: int | None = None, vary: Vary | None = None) -> Iterator[Scene]:
     """Scenes of the members 1 to `count`; their `record_id` ends with the member's number, such as ``-0001``.
 
-    The seed is that of the ensemble, the scene's own if left out. `SceneError` if a key or range cannot be meant, at
-    once; if a member's values are not allowed, when it is reached.
+    `SceneError` if a key or range cannot be meant, at once; if a member's values are not allowed, when it is reached.
     """
     if count < 1:
         raise SceneError(f"an ensemble of {count} members; ask for 1 or more")
@@ -169,8 +167,7 @@ def simulate_ensemble(
     Returns
     -------
     iterator of Member
-        (number, record, truth), in order. Members are made as they are asked for, no more than two to a worker ahead:
-        memory does not grow with their number.
+        (number, record, truth), in order, made as they are asked for, no more than two to a worker ahead.
 
     Raises
     ------
@@ -208,8 +205,8 @@ def write_ensemble(
 ) -> Written:  # fmt: skip
     """Simulate many members of a scene to files ``NAME-0001.record.nc``, ``NAME-0001.truth.nc``, ...
 
-    Member by member they are what `simulate_ensemble` gives, bit for bit. A member whose two files are there, whole and
-    of the same scene, is kept: after an interrupt the same call goes on, and with more members it adds to them.
+    Bit for bit what `simulate_ensemble` gives. A member whose two files are there, whole and of the same scene, stays:
+    after an interrupt the same call goes on. The table ``NAME.ensemble.csv`` is written with the first.
 
     Parameters
     ----------
@@ -223,11 +220,6 @@ def write_ensemble(
         Make all members anew, whatever is there.
     progress
         Called with how many members are done, and of how many.
-
-    Returns
-    -------
-    Written
-        The table ``NAME.ensemble.csv`` of all members is written with the first.
 
     Raises
     ------
@@ -291,11 +283,9 @@ def _table(jobs: list[_Job], keys: list[str]) -> str:
 
 
 def in_order(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int) -> Iterator[Result]:
-    """Results of a function of some module for each job, in the order of the jobs.
+    """Results of a module's function for each job, in order; no more than two jobs to a worker are ahead of them.
 
-    Jobs are taken as they are needed: no more than two to a worker are ahead of the results. With one worker all is
-    done in this process. `UsageError` at once if there is none, `WorkerError` if one dies; what the function raises
-    comes at its job's turn.
+    With one worker all is done in this process. `UsageError` at once if there is none, `WorkerError` if one dies.
     """
     if workers < 1:
         raise UsageError(f"workers = {workers}: give 1 or more")

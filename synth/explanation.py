@@ -1,7 +1,5 @@
 """What would be computed, how and why, without computing it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -18,10 +16,7 @@ _MOST_PERIODS = 4
 
 
 def explain(scene: Scene) -> dict[str, Any]:
-    """Say which terms a scene has, who would integrate them, why, and how exactly.
-
-    `SceneError` if the scene cannot be simulated.
-    """
+    """The terms of a scene, who would integrate them, why and how exactly; `SceneError` if it cannot be simulated."""
     clock, recording = set_clock(scene), scene.recording
     jitter = f", off by {recording.jitter:g} s" if recording.jitter else ""
     whole = plan(scene, clock)

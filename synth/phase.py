@@ -1,14 +1,9 @@
-"""Phases of harmonics at exact times, free of drift: 64-bit fixed-point turns.
-
-An angle counts modulo one turn only, and unsigned 64-bit integers count modulo 2^64. If one step of time is
-F units of 2^-64 turn, k steps are k*F units, and the product may wrap: the phase is exact for every k.
+"""Phases of harmonics at exact times, free of drift: 64-bit fixed-point turns, which wrap as angles do.
 
     turns per step = (F + remainder) / 2^64,   F integer,  0 <= remainder < 1
 
 Plain double phases lose 1e-12 rad in an hour, which is 100 times what the simulator may err by.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence

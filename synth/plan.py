@@ -1,6 +1,4 @@
-"""What a scene needs: its motion as one sum of harmonics, the answer of each pendulum, the moments; and its evaluation:
-angles, free harmonics and acceleration at every sample, in chunks for files to be written.
-"""
+"""What a scene needs (motion, answer of each pendulum, moments), and its evaluation in chunks to be written."""
 
 from __future__ import annotations
 
@@ -82,11 +80,7 @@ class Plan:
 
 
 def plan(scene: Scene, clock: Clock) -> Plan:
-    """Choose terms and propagator for a scene.
-
-    `SceneError` if a tabulated motion cannot be read or does not cover the record, or no propagator can do what is
-    asked.
-    """
+    """Choose terms and propagator for a scene; `SceneError`: a faulty or short table, or what no propagator can do."""
     frequencies = [frequency(scene, pendulum) for pendulum in scene.pendulums]
     end, gravity, case = clock.true_end, felt_gravity(scene), scene.case
     motion, transverse, vertical = (
@@ -187,13 +181,10 @@ class SampledMotion(NamedTuple):
 
 
 def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]:
-    """Evaluate a plan at the clock's moments, chunk by chunk, in order of time.
+    """Evaluate a plan at the clock's moments, in order of time, in chunks that are the same for every use of the scene.
 
-    A scene always falls into the same chunks, so that a record is the same bits in memory and streamed to a file.
-    Chunks without a sample are left out.
-
-    `SceneError` if the motion is so violent that it cannot be known. `RefusedError` if no propagator can do it; the
-    message holds their reasons.
+    Chunks without a sample are left out. `SceneError` if the motion is so violent that it cannot be known.
+    `RefusedError`, with their reasons, if no propagator can do it.
     """
     planes, count = plan.planes or (plan,), len(plan.frequencies)
     in_closed_form = plan.choice.propagator == "closed-form"
@@ -235,11 +226,10 @@ def propagate(plan: Plan, clock: Clock) -> Iterator[tuple[Clock, SampledMotion]]
 
 
 def _angles(plan: Plan, clock: Clock) -> tuple[Floats, float, str]:
-    """At all moments of a clock, recorded or not, by collocation or a general integrator; where the first refuses or
-    errs too much, by its substitutes.
+    """At all moments of a clock, by a propagator or, where it refuses or errs too much, by its substitutes.
 
-    Returned are (pendulums, moments) rad, with the displacement of a support that yields, m, as the last row; the
-    estimated error of the largest angle; the propagator.
+    Returned are (pendulums, moments) rad, with a yielding support's displacement, m, as the last row; the estimated
+    error of the largest angle; the propagator.
     """
     choice = plan.choice
     if choice.propagator == "picard":

@@ -1,7 +1,5 @@
 """Chance, by name: each use has a generator of its own, so that a further use changes no other."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

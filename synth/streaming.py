@@ -26,8 +26,7 @@ _Path = str | os.PathLike[str]
 def stream(scene: Scene, clock: Clock) -> Iterator[tuple[Contents, Contents]]:
     """Record and truth of a scene, chunk by chunk in order of time; joined along it they are what `simulate` returns.
 
-    The clock is that of `set_clock`; attributes are those of the last chunk. `SceneError` as `simulate`. (Plain arrays:
-    importing xarray takes longer and more memory than most simulations.)
+    Attributes are those of the last chunk. `SceneError` as `simulate`. Plain arrays: importing xarray takes long.
     """
     the_plan = plan(scene, clock)
     apparatus, unwrapped = Apparatus(the_plan, clock), Unwrapping()
@@ -57,12 +56,11 @@ def joined(chunks: Sequence[Contents]) -> Contents:
 
 
 def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
-    """Simulate a scene.
+    """Simulate a scene; the same scene gives the same bits.
 
-    Linear pendulums on a support that moves as a sum of harmonics have a solution in closed form; it is
-    evaluated at every sample, right to 1e-15 of the largest angle however long the record. Pendulums with the sine
-    law are integrated by exponential Picard collocation, to 1e-14 in an hour at sea; the truth says what error is
-    estimated. The same scene gives the same bits.
+    Linear pendulums on a support that moves as a sum of harmonics have a solution in closed form, right to 1e-15 of the
+    largest angle however long the record. Pendulums with the sine law are integrated by exponential Picard collocation,
+    to 1e-14 in an hour at sea; the truth says what error is estimated.
 
     Parameters
     ----------
@@ -77,8 +75,7 @@ def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
     Raises
     ------
     SceneError
-        If the scene asks for what cannot be: a table that is not there or too short, a pendulum that does not
-        swing.
+        A table is not there or too short, or a pendulum does not swing.
 
     Examples
     --------
@@ -96,12 +93,11 @@ def simulate_to(
     scene: Scene, record_path: _Path, truth_path: _Path, *, overwrite: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> int:  # fmt: skip
-    """Simulate a scene straight to its two files, chunk by chunk.
+    """Simulate a scene straight to its two files, chunk by chunk; returns the number of samples of a trace.
 
     The files are those that `simulate` and `data_schemas.write` make, bit for bit, but no more than a chunk of them is
-    ever in memory. Two things grow with the record all the same: the times of samples at uneven moments or with some
-    dropped (some tens of bytes a sample), and the motion where it is not the closed form (8 bytes a sample and state;
-    twice that for a moment).
+    ever in memory, beside the times of uneven or dropped samples (some tens of bytes each) and the motion where it is
+    not the closed form (8 bytes a sample and state; twice that for a moment).
 
     Parameters
     ----------
@@ -113,11 +109,6 @@ def simulate_to(
         Whether existing files may be replaced.
     progress
         Called with how many samples are done, and of how many, after every chunk.
-
-    Returns
-    -------
-    int
-        Number of samples of a trace.
 
     Raises
     ------

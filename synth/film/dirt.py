@@ -1,7 +1,5 @@
 """Dust, scratches, handwriting and a torn end: what chance and people leave on a film. All sizes are assumed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -119,7 +117,7 @@ def _tear(film: Film, geometry: Geometry, seed: int) -> Floats:
 
 @kernel
 def draw_strokes(image: Pixels, first: int, strokes: Floats) -> None:
-    """Draw straight strokes with round ends over densities from row number `first` on; edges are soft over a pixel.
+    """Draw straight strokes with soft round ends over densities from row number `first` on.
 
     Strokes are (strokes, 6): row and column of both ends, half of the width, px, and the density left where they pass.
     """

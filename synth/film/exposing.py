@@ -48,13 +48,7 @@ class Exposed(NamedTuple):
 
 
 def film_truth_path(film: str | os.PathLike[str]) -> Path:
-    """Where the truth of a film is kept: beside its image.
-
-    Examples
-    --------
-    >>> film_truth_path("a/ship.film.tif").name
-    'ship.film.truth.nc'
-    """
+    """Where the truth of a film is kept: a/ship.film.truth.nc beside a/ship.film.tif."""
     return Path(film).with_name(film_description.film_stem(film) + ".film.truth.nc")
 
 
@@ -62,7 +56,7 @@ def expose(
     source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
 ) -> xr.DataTree:  # fmt: skip
-    """Expose a film to a record or a scene, develop and scan it.
+    """Expose a film to a record or a scene, develop and scan it; returns its truth.
 
     Three files are made: the image (BigTIFF in strips of 1024 rows, along the film), NAME.film.toml, what an observer
     knows of the film, and NAME.film.truth.nc, what he does not.
@@ -82,11 +76,6 @@ def expose(
         Whether existing files may be replaced.
     progress : callable, optional
         Called with how many rows are done, and of how many, after every strip.
-
-    Returns
-    -------
-    DataTree
-        The truth, as written.
 
     Raises
     ------
@@ -230,10 +219,9 @@ def _truth_of(plan: FilmPlan) -> Callable[[Floats, Crossings], Contents]:
 
 
 class ImageFile(Placed):
-    """A BigTIFF of known size whose rows come in any order; a context that leaves nothing behind without `publish`.
+    """A BigTIFF whose rows come in any order; a context that leaves nothing behind without `publish`.
 
-    The file's folder must exist. `FileError` as `data_schemas.write`, from any method; `UsageError` where the package
-    tifffile is not there.
+    `FileError` as `data_schemas.write`, from any method; `UsageError` where the package tifffile is not there.
     """
 
     _file: IO[bytes] | None = None

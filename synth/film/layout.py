@@ -1,8 +1,4 @@
-"""Everything about a film that is settled before its first row: where the traces lie, whether they fit; how the film
-runs, and when light falls on it (the chronometer's shutter, the lamp, gaps).
-"""
-
-from __future__ import annotations
+"""What is settled before a film's first row: where the traces lie, how it runs, and when light falls on it."""
 
 import math
 from dataclasses import dataclass
@@ -78,10 +74,7 @@ class Geometry:
 
 
 def geometry_of(film: Film, travel: float, offsets: Floats) -> Geometry:
-    """Lay a film of some travel, mm, out on the scanner.
-
-    `UsageError`: the paper lies so crooked that the image would be mostly empty, or the image would have too many rows.
-    """
+    """Lay a film of some travel, mm, out on the scanner; `UsageError`: the paper is too crooked, or too many rows."""
     pixels = film.dpi / INCH
     along, across = pixels * (1.0 + film.stretch_along), pixels * (1.0 + film.stretch_across)
     width = film.paper_width * across
@@ -143,10 +136,7 @@ def set_marks(film: Film, begin: float, end: float, seed: int) -> Marks:
 
 
 def light_of(film: Film, marks: Marks, begin: float, end: float, dark: Floats) -> Light:
-    """What falls on the film of one trace of a record from begin to end, s: before and after, the lamp is off.
-
-    `dark` are stretches without a record, (stretches, 2) s.
-    """
+    """Light of one trace on the film from begin to end, s; none in `dark`, stretches without a record, (n, 2) s."""
     shut = marks.time[marks.missing == 0]
     gaps = np.column_stack([shut - 0.5 * film.gap, shut + 0.5 * film.gap])
     blackouts = np.array([(each.start, each.stop) for each in film.blackouts]).reshape(-1, 2)
@@ -165,11 +155,10 @@ def light_of(film: Film, marks: Marks, begin: float, end: float, dark: Floats) -
 
 
 class Transport:
-    """Travel of the film from the begin of the record, mm.
+    """Travel of the film from the begin of the record, mm; x = t - begin, and beyond the record the speed stays:
 
-    With x = t - begin the speed is v (1 + drift x / (end - begin) + wow sin(2 pi x / period + phase) + walk(x)); before
-    the begin and after the end it stays what it is there. The walk is a stationary Markov sequence, straight between
-    its knots, so that the travel is exact.
+    speed = v (1 + drift x / (end - begin) + wow sin(2 pi x / period + phase) + walk(x)). The walk is a stationary
+    Markov sequence, straight between its knots, so that the travel is exact.
     """
 
     def __init__(self, film: Film, begin: float, end: float, seed: int) -> None:
@@ -253,11 +242,7 @@ class FilmPlan(NamedTuple):
 
 
 def plan_film(source: Source, film: Film, seed: int) -> FilmPlan:
-    """Lay a film out.
-
-    `UsageError`: the film names a trace that the record has not, the swing does not fit on the paper, or the film lies
-    too crooked.
-    """
+    """Lay a film out; `UsageError`: a trace is not in the record, the swing does not fit, or the film is crooked."""
     layout = _lay_out(source, film)
     _refuse_overhang(source, film, layout)
     transport = Transport(film, source.begin, source.end, seed)

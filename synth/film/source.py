@@ -48,10 +48,9 @@ class Source:
 
 
 def source_of(given: xr.DataTree | Scene) -> Source:
-    """Make a source of a record or a scene.
+    """Make a source of a record or a scene; `SceneError` as `synth.simulate`.
 
-    `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve. `SceneError` as
-    `synth.simulate`.
+    `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve.
     """
     scene = given if isinstance(given, Scene) else None
     record = from_tree(given) if not isinstance(given, Scene) else _perfect(given)
@@ -123,9 +122,7 @@ def _shortest_period(instrument: dict[str, Any], time: Floats, elongation: Float
 
 
 class Curves:
-    """The elongation of every trace at any time: splines of degree 5 through unbroken runs of samples, continued beyond
-    their ends by so many seconds; straight lines between runs.
-    """
+    """Elongations: splines of degree 5 through unbroken runs of samples, continued a little; between, straight."""
 
     def __init__(self, source: Source, beyond: float) -> None:
         from scipy.interpolate import make_interp_spline

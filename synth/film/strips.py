@@ -1,10 +1,7 @@
 """The image strip by strip, the same bits however it is cut: light drawn along the traces, then what light becomes.
 
-A trace is a cubic in time between nodes. Compiled are the spot of light drawn over the image and where a trace crosses
-the centre line of every row; silver (characteristic curve, grain) and the scanner's light follow.
+A trace is a cubic in time between nodes. Silver (characteristic curve, grain) and the scanner's light follow.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterator
@@ -131,10 +128,9 @@ class Development:
 
 
 def develop(image: Pixels, left: Integers, right: Integers, fog: Floats, fog_rise: float, film: Film) -> None:
-    """Turn exposure (rows, columns) into density, in place, by the characteristic curve; what is not paper gets none.
+    """Turn exposure (rows, columns) into density, in place; what is not paper, from `left` up to `right`, gets none.
 
-    `left` and `right` are the first column of the paper in each row and the one after its last; `fog` is that of each
-    row at column 0, and rises by `fog_rise` from column to column.
+    `fog` is that of each row at column 0, and rises by `fog_rise` from column to column.
     """
     column = np.arange(image.shape[1])
     density = fog[:, None] + fog_rise * column
@@ -146,11 +142,7 @@ def develop(image: Pixels, left: Integers, right: Integers, fog: Floats, fog_ris
 
 
 def scan(image: Pixels, scale: np.float32, brightness: Pixels) -> None:
-    """Turn density (rows, columns) into the light that the scanner sees, 0 to 1, in place.
-
-    `scale` is the natural logarithm of the light per density, negative; the brightness that of the scanner's lamp,
-    (columns,).
-    """
+    """Turn density (rows, columns) into scanned light, 0 to 1, in place; `scale` is ln(light) per density, negative."""
     np.maximum(image, np.float32(0.0), out=image)
     image *= scale
     np.exp(image, out=image)
@@ -216,13 +208,10 @@ def _cubic(x: float, start: float, rate: float, stop: float, end_rate: float, sp
 
 @kernel
 def draw_line(image: Pixels, first: int, line: Line, lit: Light, sigma: float, weight: float, table: Floats) -> None:
-    """Add the light of one trace to some rows of the image.
+    """Add the light of one trace to some rows of the image, float32 (rows, columns), its first row number `first`.
 
-    Each pixel gets the mean over its area. Stretches of light are cut into steps short against the spot, and the spot
-    is put down at the two places of Gauss in each: exact to 1e-6, and to 3e-4 at the edge of a gap.
-
-    The image is (rows, columns) float32, its first row number `first` of the film; sigma is that of the spot, px; the
-    weight exposure per second times the area of a pixel; the table that of `spot_table`.
+    Each pixel gets the mean over its area, by two places of Gauss in steps short against the spot: exact to 1e-6, to
+    3e-4 at the edge of a gap. sigma is that of the spot, px; the weight exposure per second times the area of a pixel.
     """
     time, row, row_rate, column, column_rate, _, _ = line
     begin, end, light = lit
@@ -272,10 +261,7 @@ def draw_line(image: Pixels, first: int, line: Line, lit: Light, sigma: float, w
 
 @kernel
 def cross_rows(first: int, line: Line, moment: Floats, elongation: Floats, place: Floats, slope: Floats) -> None:
-    """Where a line that runs forwards crosses the centre lines of rows, from number `first` on.
-
-    Filled are moment, elongation, place and slope, (rows,) s, rad, px, px/px, but in rows that the line does not reach.
-    """
+    """Fill where a line that runs forwards crosses rows' centres, from row `first` on: (rows,) s, rad, px, px/px."""
     time, row, row_rate, column, column_rate, swing, swing_rate = line
     j = 0
     for i in range(moment.size):

@@ -4,8 +4,6 @@
 motions with Floquet multipliers; `locking` stability, k, edge and slip; `clocks` what theory speaks of.
 """
 
-from __future__ import annotations
-
 from synth.huygens.balance import Regime, residuals, solutions
 from synth.huygens.clocks import Clocks, perturbed
 from synth.huygens.locking import edge, edge_of_balance, orbit_slope, slip, slope, stability

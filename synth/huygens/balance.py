@@ -6,15 +6,11 @@ felt. Put into (8),
     E_i^2 + delta^2 g_i^2 = s,       s = q^2 = (nu d/(2 d0)) sum g_i (1 - g_i),       beta s = (nu/2) sum (1 - g_i) E_i:
 
 three conics in g_1, g_2 without a product of the two, whose coefficients are polynomials of beta. Without the squares
-a line is left of them; where it meets the first two conics in one point, a polynomial of degree 20 of beta (4 times the
-coefficients' 2, 2 and 1) vanishes. Doubles are rationals: the polynomial is exact, its real roots are isolated, and in
-each all intersections are tried, so that none is missed and none doubled.
+a line is left of them; where it meets the first two conics in one point, a polynomial of degree 20 of beta vanishes.
+Doubles are rationals: the polynomial is exact, its real roots are isolated, and in each all intersections are tried.
 
-Symmetries are divided out: alpha_i counts modulo pi (y_i -> -y_i, of each alone), and q >= 0 fixes where z begins. A
-clock that stands still (A_i = 0) solves the equations of motion but not (7), and is not among them.
+alpha_i counts modulo pi, and q >= 0 fixes where z begins. A clock that stands still (A_i = 0) is no solution of (7).
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -55,8 +51,6 @@ def solutions(clocks: Clocks, *, shifts: bool = False) -> list[Regime]:
     the solutions are then the fixed points of the slow flow. Without, the equations are those printed, (7)-(8).
     `UsageError` for parameters that cannot be meant.
 
-    Examples
-    --------
     >>> for regime in solutions(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))):
     ...     print(round(regime.beta, 4), round(regime.q, 5), round(regime.offset, 3))
     0.0115 0.0 1.571
@@ -89,10 +83,7 @@ def residuals(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Floats
 
 
 def followed(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> Regime | None:
-    """The regime of other clocks that lies next to a known one, by Newton's method; None if there is none.
-
-    For continuation in small steps, hundreds of times faster than `solutions`; q must not be 0.
-    """
+    """The regime of other clocks next to a known one with q not 0, by Newton's method in small steps; None if none."""
     shares = [1.0 - 0.25 * size * size for size in regime.amplitude]
     return _Equations(checked(clocks), shifts).regime(np.array([regime.beta, *shares]))
 
@@ -148,10 +139,9 @@ class _Equations:
         return [float(root.real) for root, _ in roots if root.imag == 0 and root.real > -1]
 
     def intersections(self, beta: float) -> list[Floats]:
-        """Points (beta, g_1, g_2) on the first two conics, nearly: candidates.
+        """Points (beta, g_1, g_2) on the first two conics, nearly; two that meet may part by rounding.
 
-        On both, x^2 and y^2 are linear in x and y, so that x times 1, x, y and x y is linear in these four: their
-        values at the points are the eigenvectors. Two points that meet may part into a complex pair by rounding.
+        x times 1, x, y and x y is linear in these four on both conics: their values at the points are eigenvectors.
         """
         conics: Floats = np.array(self.conics(beta, float)[:2])
         (b1, c1, a1), (b2, c2, a2) = -np.linalg.solve(conics[:, :2], conics[:, 2:])
@@ -207,9 +197,8 @@ class _Equations:
 def resultant(conics: list[Conic]) -> Any:
     """The polynomial that is zero where three conics, whose coefficients are polynomials, have a point in common.
 
-    The line in which the squares cancel, put into the first two, leaves two quadratic equations for x: of these it is
-    the resultant. Factors that do not belong to it, where the line lies along y or none is left, are taken
-    out.
+    The line in which the squares cancel, put into the first two, leaves two quadratics of x: it is their resultant,
+    less the factors of lines along y or of none.
     """
 
     def minor(m: int) -> Any:

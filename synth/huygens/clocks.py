@@ -1,11 +1,8 @@
 """Two clocks on one beam in the few numbers that theory speaks of, and the systems that have exactly these.
 
-Equal clocks with y_1 = +-y_2 and y_1' = +-y_2' keep that equality exactly, in the equations and in floating point: a
-simulation then sits on the paper's regime, which is a saddle of system (2), and looks locked. Whoever asks what two
-clocks do must begin beside it (`perturbed`).
+Equal clocks with y_1 = +-y_2 and y_1' = +-y_2' stay so exactly, on the paper's regime, a saddle of system (2), which
+then looks locked: begin beside it (`perturbed`).
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable
@@ -26,14 +23,7 @@ _STEP = 1e-30
 
 
 class Clocks(NamedTuple):
-    """Kanunnikov and Lamper's system (2), and what the full system (1) has beyond it.
-
-    Examples
-    --------
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
-    >>> pair.detuned(1e-4).detuning
-    (-0.01135, -0.01145)
-    """
+    """Kanunnikov and Lamper's system (2), and what the full system (1) has beyond it."""
 
     beam_damping: float  # d0 = eps0/w0, above 0
     drive: float  # d = 2 eps/w0, above 0
@@ -46,7 +36,7 @@ class Clocks(NamedTuple):
         """tau."""
         return 0.5 * (self.detuning[0] + self.detuning[1])
 
-    def detuned(self, difference: float) -> Clocks:
+    def detuned(self, difference: float) -> "Clocks":
         """The same clocks about their mean tau, chi = tau_1 - tau_2 apart."""
         mean = self.mean_detuning
         return self._replace(detuning=(mean + 0.5 * difference, mean - 0.5 * difference))
@@ -92,10 +82,9 @@ def mirrored(states: Floats) -> Floats:
 
 
 def perturbed(system: Any, state: Floats, seed: int, share: float = LIKELY) -> Floats:
-    """The state, moved off the symmetric set if it lies on it; else the same bits.
+    """The state, moved off the symmetric set by a share of the clock's own swing if it lies on it; else the same bits.
 
-    The seed is that of the direction, the share that of the clock's own swing; `system` and `state` are as for
-    `symmetric`. `UsageError` if the clocks rest, where no share of a swing moves them.
+    The seed is that of the direction. `UsageError` if the clocks rest, where no share of a swing moves them.
     """
     if not symmetric(system, state):
         return state

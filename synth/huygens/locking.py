@@ -8,16 +8,13 @@ and Q; the fixed points are `balance.solutions` with shifts):
     Q'       = (i beta - delta0) Q - i (nu/8) sum A_j^2 e^{-2i alpha_j},          ' = d/dz,  u'' = 2 Re(Q e^{2iz})
 
 To leading order in nu/(delta delta0) amplitudes and beam follow psi = alpha_1 - alpha_2 at once, and the slow flow is
-Adler's equation `psi' = [(1 + beta)/2] (chi - chi_c sin 2 psi)`, signs apart. The slow flow itself, followed from
-quadrature to where it no longer attracts, has the edge; integrated beyond it, the slip, which is faster than Adler's
-since amplitudes and beam help psi along.
+Adler's equation `psi' = [(1 + beta)/2] (chi - chi_c sin 2 psi)`, signs apart. The slow flow's own slip is faster, since
+amplitudes and beam help psi along.
 
 A clock that is alone n swings a day faster keeps, once synchronised, an advance eta of phase instead: `chi` is the
 difference tau_1 - tau_2 of the clocks when each is alone, 2 (1 + tau) n T/day (the paper lacks the 2: it expands w_i
 with w0/4 where w0/8 stands), `eta` that of their alpha, k = d eta/d chi.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
@@ -36,10 +33,7 @@ _SETTLING, _SLIPS = 2, 6  # half turns of psi before the slip is measured, and w
 
 
 def rates(state: Any, beta: float, clocks: Clocks) -> Any:
-    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,), at a real or complex state of these.
-
-    `beta` is that of the frequency that z counts, w0^2/w^2 - 1.
-    """
+    """Rates of (alpha_1, alpha_2, A_1, A_2, Re Q, Im Q) per z, (6,); `beta` is that of the frequency z counts."""
     stretch = math.sqrt(abs(1.0 + beta))
     delta, damping = clocks.drive * stretch, clocks.beam_damping * stretch
     real, imaginary = state[4], state[5]
@@ -63,19 +57,7 @@ class Stability(NamedTuple):
 
 
 def stability(regime: Regime, clocks: Clocks) -> Stability:
-    """Whether a fixed point of the slow flow, a regime of `balance.solutions(clocks, shifts=True)`, is stable.
-
-    `UsageError` if the regime is no fixed point of these clocks' slow flow.
-
-    Examples
-    --------
-    In system (2) the paper's regime is a saddle, and quadrature attracts:
-
-    >>> from synth.huygens.balance import solutions
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
-    >>> [(abs(round(each.offset, 2)), stability(each, pair).stable) for each in solutions(pair, shifts=True)]
-    [(1.57, True), (0.0, False)]
-    """
+    """Whether a regime of `balance.solutions(clocks, shifts=True)` is stable; `UsageError` if it is no fixed point."""
     state = np.array([*regime.alpha, *regime.amplitude, regime.q, 0.0])
     if np.abs(rates(state, regime.beta, clocks)).max() > 1e-9:
         raise UsageError(
@@ -94,11 +76,6 @@ def edge(clocks: Clocks) -> float:
 
     1 + beta = 1/(1 + tau - delta^2/8), with Phi0^2/2 less too in the full system. Within 7 % of the slow flow's own
     edge (`edge_of_balance`) at delta = delta0 = 0.02 and nu = 5.7e-5. Of the clocks their mean detuning counts.
-
-    Examples
-    --------
-    >>> round(edge(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))), 6)
-    0.002109
     """
     beta = mean_beta(checked(clocks))
     damping = clocks.beam_damping * math.sqrt(1.0 + beta)
@@ -112,15 +89,9 @@ def mean_beta(clocks: Clocks) -> float:
 
 
 def edge_of_balance(clocks: Clocks) -> float:
-    """Largest chi at which quadrature's descendant is there and stable: where it folds, or begins to waver before.
+    """Largest chi at which quadrature's descendant is stable: where it folds, or before (delta0 small) wavers (Hopf).
 
-    Of the clocks their mean detuning counts. Where the beam is slower than the slip (small delta0) they waver (a Hopf
-    bifurcation) before the fold. `RefusedError` if quadrature does not attract, or the family has no end.
-
-    Examples
-    --------
-    >>> round(edge_of_balance(Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))), 6)
-    0.001996
+    Of the clocks their mean detuning counts. `RefusedError` if quadrature does not attract, or the family has no end.
     """
     return _last_stable(clocks)[0]
 
@@ -147,17 +118,9 @@ def _last_stable(clocks: Clocks) -> tuple[float, Regime]:
 
 
 def slip(clocks: Clocks, chi: float) -> float:
-    """Mean |d psi/dz| beyond the edge, rad a unit of z; 0 below it: by the slow flow.
+    """Mean |d psi/dz| at chi beyond the edge, rad a unit of z, by the slow flow; 0 below it.
 
-    chi is the difference of the detunings; of the clocks their mean detuning counts. `RefusedError` as
-    `edge_of_balance`.
-
-    Examples
-    --------
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (0.0, 0.0))
-    >>> critical = edge_of_balance(pair)
-    >>> round(slip(pair, 1.1 * critical) / (0.5 * critical * math.sqrt(1.1**2 - 1.0)), 2)  # over Adler's own
-    1.06
+    Of the clocks their mean detuning counts. `RefusedError` as `edge_of_balance`.
     """
     from scipy.integrate import solve_ivp
 
@@ -184,13 +147,6 @@ def slope(regime: Regime, clocks: Clocks, *, shifts: bool = False) -> float:
     """k of the six equations (7)-(8) at the clocks' own tau and chi, by following a regime to both sides.
 
     The regime is one of `balance.solutions` with the same `shifts`. `RefusedError` if it ends right here.
-
-    Examples
-    --------
-    >>> from synth.huygens.balance import solutions
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
-    >>> round(slope(solutions(pair)[1], pair), 1)
-    274.6
     """
     apart = clocks.detuning[0] - clocks.detuning[1]
     pairs = (clocks.detuned(apart + step) for step in (_BALANCE_STEP, -_BALANCE_STEP))

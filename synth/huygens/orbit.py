@@ -1,15 +1,10 @@
 """Periodic orbits of two clocks on a beam by shooting, and their Floquet multipliers.
 
-After half a swing of the clocks the beam is where it was and the clocks are on the other side: with R that mirror,
-`R flow(x, T/2) = x`. Newton's method solves it for x and T/2 with the tangents of `carried`; the phase is
-anchored where the first clock turns back (its rate is zero). The multipliers are those of R d flow/dx; of a whole
-swing, their squares.
+With R the mirror of the clocks, `R flow(x, T/2) = x` is solved by Newton's method for x and T/2, with the phase
+anchored where the first clock turns back. The multipliers are those of R d flow/dx; of a whole swing, their squares.
 
-Motions are integrated by the Runge-Kutta formula of order 8; tangents are central differences of three steps between
-them, right to 1e-12.
+The Runge-Kutta formula is of order 8; tangents are central differences of three steps, right to 1e-12.
 """
-
-from __future__ import annotations
 
 import cmath
 import math
@@ -35,10 +30,7 @@ _RATE = 3  # place of the first clock's rate in the state
 
 
 def carried(system: Any, start: Floats, duration: float, steps: int) -> tuple[Floats, Floats]:
-    """States (steps + 1, n) at evenly spaced instants, and the derivative (n, n) of the last by the first.
-
-    The duration of the whole way is in its unit of time; steps are even.
-    """
+    """States (steps + 1, n) at even instants, steps even, and the derivative (n, n) of the last by the first."""
 
     n = start.size
     space = Space._make([*np.zeros((11, n)), np.zeros((16, n)), np.zeros((7, n))])
@@ -104,13 +96,6 @@ def orbit(regime: Regime, clocks: Clocks, *, full: bool = False, steps: int = ST
 
     `RefusedError` if Newton's method does not settle, or only on a motion that is none; `UsageError` if the steps are
     not a multiple of 4.
-
-    Examples
-    --------
-    >>> pair = Clocks(0.02, 0.02, 5.7143e-5, (-0.0114, -0.0114))
-    >>> found = orbit(solutions(pair, shifts=True)[1], pair)  # the paper's regime
-    >>> round(found.regime.beta, 4), found.stable, found.residual < 1e-13
-    (0.0128, False, True)
     """
     if steps < 8 or steps % 4:
         raise UsageError(f"steps = {steps}: give a multiple of 4, 8 or more, such as {STEPS}")

@@ -4,8 +4,6 @@ alpha_1 = alpha_2 = alpha is given, then beta, q, Delta, tau and k = d eta/d chi
 and tau are small; delta0 = eps0/w and delta = 2 eps/w are numbers at the regime's own frequency.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -36,12 +34,6 @@ def printed(alpha: ArrayLike, damping: float = DAMPING, coupling: float = COUPLI
 
     alpha lies in (-pi/2, 0), rad (else delta0 q = -nu sin 2 alpha cannot hold: `UsageError`); damping and coupling are
     delta0 and nu = 8 mu/l (which the paper prints as 32 mu/l).
-
-    Examples
-    --------
-    >>> row = printed(-0.35)
-    >>> round(float(row.beta), 7), round(float(row.tau), 7), round(float(row.slope), 3)
-    (0.0237448, -0.021819, 431.683)
     """
     return _chain(alpha, damping, coupling, math.inf, 0.0)
 

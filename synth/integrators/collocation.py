@@ -1,11 +1,8 @@
 """Exponential collocation for clocks on a beam, a frame or a board: smooth, coupled, not stiff.
 
-Every component is a linear oscillator, carried exactly, plus a remainder that is collocated at 16 Gauss nodes of
-intervals of up to half a swing (Picard iteration, `collocation_march`). The motion is run twice, the second time with
-looser limits and shorter intervals; the difference is the estimate.
+Linear oscillators are carried exactly, remainders collocated at 16 Gauss nodes of intervals of up to half a swing. The
+motion is run twice, the second time with looser limits and shorter intervals; the difference is the estimate.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -59,10 +56,9 @@ COMPANION: Ladder = (Fraction(4, 5), Fraction(3, 5))  # lengths that are never t
 
 
 def integrate(system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10) -> Trajectory:
-    """Integrate clocks on a yielding support and return their states at `times`; see `trajectory`.
+    """States of one of `SYSTEMS`, with `Viscous` and `VanDerPolDrive`, at `times`; see `trajectory`.
 
-    The system is one of `SYSTEMS`; terms may be `Viscous` and `VanDerPolDrive`. Steps are intervals; evaluations are
-    accelerations at single nodes. Refused is what cannot be collocated, or is too violent or too stiff.
+    Steps are intervals; evaluations are accelerations at single nodes. Refused: too violent or too stiff.
     """
     first, instants = checked(start, times, tolerance)
     every = instants
@@ -115,11 +111,9 @@ def _check_collocates(system: Any) -> None:
 def integrate_ensemble(
     systems: Sequence[Any], starts: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-9, workers: int | None = None
 ) -> Floats:
-    """Integrate many members to the same times; their states, (members, k, n).
+    """Integrate many members, systems of one type and `starts` (members, n), to the same times: (members, k, n).
 
-    Systems are one a member, all of one type, `starts` (members, n); all else is as for `integrate`, but that the error
-    is not estimated: integrate a member alone. There are so many threads as `workers`, by default one a processor. The
-    first member that is refused stops all.
+    As `integrate`, without an estimate of the error. The first member that is refused stops all.
     """
     states = np.array(starts, dtype=np.float64)
     if states.ndim != 2 or not len(states):
@@ -219,10 +213,9 @@ def run(
     problem: Problem, start: Floats, times: Floats, limits: tuple[float, float], ladder: Ladder = LADDER,
     depth: int | None = None,
 ) -> tuple[Floats, Run]:  # fmt: skip
-    """States (k, n) at the increasing times, the first that of the start, and the run that gave them.
+    """States (k, n) at the increasing times, and the run; `RefusedError` where no interval is short enough.
 
-    `limits` are what iteration may leave, and what r beyond its last Legendre term may cost, relative to sizes; `depth`
-    is that of the first intervals, by default tried out. `RefusedError` where no interval is short enough.
+    `limits`: what iteration may leave, and r beyond its last Legendre term cost, relative; `depth`: first intervals'.
     """
     states = np.empty((times.size, start.size))
     begin = float(times[0])

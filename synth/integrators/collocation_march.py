@@ -1,16 +1,12 @@
 """Exponential collocation through coupled oscillators, interval by interval.
 
-What the systems' remainder and the exact linear flow ask of each other at 16 Gauss nodes is iterated until a further
-turn would change nothing. States are sums of two doubles; inside an interval they are read from the polynomial through
-its start, nodes and end.
+The remainder and the exact linear flow are iterated at 16 Gauss nodes until a further turn would change nothing.
+States are sums of two doubles; inside an interval they are read from the polynomial through its start, nodes and end.
 
-First guesses come from what the remainder was before. Clocks repeat themselves: half a swing later the remainder at the
-same nodes is nearly the same but for its sign, and so is the way in which it changes. Backward differences over half
-swings (or as many intervals as make whole numbers of them) extrapolate that; a motion that does not repeat is continued
-as a polynomial instead. Which of these, and the order, is what would have missed least in the interval just done.
+Clocks repeat themselves: half a swing later the remainder is nearly the same but for its sign, and so is its change.
+First guesses are backward differences over half swings (or as many intervals as make whole numbers of them); a motion
+that does not repeat is continued as a polynomial. The one that would have missed least in the last interval is taken.
 """
-
-from __future__ import annotations
 
 from typing import Any, NamedTuple
 
@@ -64,11 +60,10 @@ def march(
     system: Any, horizontal: Any, vertical: Any, level: Level, nodes: Nodes, work: Work, limits: Any, begin: float,
     count: int, times: Floats, states: Floats, report: Integers,
 ) -> int:  # fmt: skip
-    """Integrate through `count` intervals from `begin` (s) and fill `states` (k, n) at those `times` (k,) inside.
+    """Integrate `count` intervals from `begin` (s), filling `states` (k, n) at `times` (k,); how many were done.
 
-    `limits` are squares: change of a position, relative to its size, that does not matter; what r beyond its last
-    Legendre term may cost. The `report` (5,) holds readings filled so far, turns, intervals done (all raised), why it
-    ended, and the guess in use. Horizontal and vertical motion of the ship may be None. Returned is how many were done.
+    `limits` are squares: change of a position, relative, that does not matter; what r beyond its last Legendre term may
+    cost. The `report` (5,): readings filled, turns, intervals (all raised), why it ended, and the guess in use.
     """
     interval, mirror, reach = level.interval, level.mirror, level.reach
     state, amplitude, memory, known = work.state, work.amplitude, work.memory, work.known
@@ -192,8 +187,7 @@ def _read(place: float, nodes: Nodes, begun: Floats, work: Work, states: Floats,
 def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: Floats, known: Floats, now: int) -> None:
     """Fill `known[now]` by guess number `which`.
 
-    `memory` holds backward differences of the remainder, those of an interval in row `interval % lag`, zero if unknown;
-    `slot` is the row of the interval to come, whose entries are `lag` intervals old; for the others see `Level`, `Nodes`.
+    Row `interval % lag` of `memory` holds an interval's backward differences, zero if unknown; `slot` is the next row.
     """
     before = (slot - 1) % memory.shape[0]
     for c in range(mirror.size):
@@ -221,10 +215,7 @@ def remember(memory: Floats, slot: int, mirror: Floats, known: Floats, now: int)
 
 @kernel
 def best(memory: Floats, slot: int, worth: Floats, missed: float) -> int:
-    """The guess that would have missed least: difference k is what guess k missed, the polynomial `missed`.
-
-    `worth` (components,) is that of a squared change of the remainder, in squares of sizes.
-    """
+    """The guess that would have missed least; `worth` (components,) is that of a squared change of the remainder."""
     which = 0
     least = np.inf
     for k in range(ORDERS):

@@ -1,17 +1,11 @@
-"""Every system's accelerations at the nodes, less its linear part, of all nodes at once.
+"""Every system's accelerations at all nodes at once, less the linear part that is carried exactly.
 
-A system that can be collocated registers a kernel under "remainder": all accelerations at the nodes, less the linear
-part that is carried exactly,
-
-    remainder(work, sideways, upwards, system, now)
-
-from position and rate of the `Work` of a march into its `known[now]`; sideways and upwards are the ship's acceleration
-(NODES,) or None. Arrays are indexed, never cut: each view would count references.
+A system that can be collocated registers a kernel `remainder(work, sideways, upwards, system, now)`, from position and
+rate of the `Work` of a march into its `known[now]`; sideways and upwards are the ship's acceleration (NODES,) or None.
+Arrays are indexed, never cut: each view would count references.
 
 Two passes over the pendulums: what each does to the support, then what the support does to each.
 """
-
-from __future__ import annotations
 
 from fractions import Fraction
 from typing import Any, NamedTuple

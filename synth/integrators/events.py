@@ -1,14 +1,9 @@
-"""Escapements: what the explicit march watches for within a step, and the kicks it gives there.
+"""Escapements: what the explicit march watches for within a step, and the kicks it gives; `None` compiles to nothing.
 
-The march calls `begin`, `locate`, `strike` and the others below; for `None` they compile to nothing.
-
-Crossings are found with certainty, on the dense polynomial in Bernstein form. The number of sign changes in its coefficients
-bounds the number of roots (Descartes): none means no crossing, one means exactly one; more, and the interval is halved
-(de Casteljau). A touch without crossing ends as an interval too short to split and is no crossing; a double crossing
-within a step is seen as two.
+Crossings are found with certainty, on the dense polynomial in Bernstein form. The number of sign changes in its
+coefficients bounds the number of roots (Descartes): none means no crossing, one means exactly one; more, and the
+interval is halved (de Casteljau). A touch is no crossing; a double crossing within a step is seen as two.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
@@ -43,10 +38,7 @@ class Escapement(NamedTuple):
 def escapement(
     system: Any, pendulum: ArrayLike, angle: ArrayLike, energy: ArrayLike, direction: ArrayLike = 1
 ) -> Escapement:
-    """Kick pendulums when they pass an angle; arguments are broadcast, a pendulum may have several kicks.
-
-    See `Escapement` for their meaning; `energy` is what a kick adds to that of the whole system.
-    """
+    """Kick pendulums when they pass an angle: an `Escapement` of broadcast arguments, several kicks a pendulum."""
     number, way = (np.asarray(each, dtype=np.int64) for each in (pendulum, direction))
     level, given = (np.asarray(each, dtype=np.float64) for each in (angle, energy))
     columns = np.broadcast_arrays(system.first_angle + 2 * number, level, way, number, given)
@@ -128,10 +120,7 @@ def strike(
     event: Escapement, memory: Memory, share: float, time: float, space: Space, system: Any, moments: Floats,
     which: Integers, noted: int,
 ) -> int:  # fmt: skip
-    """Give the kicks of what crosses at this instant, and note them; how many are noted.
-
-    What crosses is put on its level exactly.
-    """
+    """Put what crosses at this instant on its level, kick it, and note it; how many are noted."""
     following, left_over, impulse = space.following, space.left_over, memory.impulse
     for j in range(event.level.size):
         c, side, direction, energy = event.component[j], memory.sides[j], event.direction[j], event.energy[j]
@@ -193,8 +182,7 @@ def halve(coefficients: Floats, row: int) -> None:
 def first_crossing(coefficients: Floats, lefts: Floats, before: int, direction: int) -> float:
     """Share of the first crossing in `direction` (+1 rising, -1 falling, 0 either), or 2.0 for none.
 
-    Row 0 of `coefficients` (60, 8) holds the polynomial and is used up; the other rows and `lefts` (60, 2: left end and
-    width of each row's interval) are working space. `before` is the sign just before the interval, for a start at zero.
+    Row 0 of `coefficients` (60, 8) is the polynomial; its other rows and `lefts` (60, 2) are working space.
     """
     lefts[0, 0], lefts[0, 1] = 0.0, 1.0
     row, last = 0, before
@@ -220,10 +208,7 @@ def first_crossing(coefficients: Floats, lefts: Floats, before: int, direction: 
 
 @kernel
 def margin(coefficients: Floats) -> float:
-    """|value| of row 0 where it turns round within the interval: how near it comes to a touch; inf if it does not turn.
-
-    Rows 1 and 2 are working space.
-    """
+    """Least |value| of row 0 where it turns round within the interval, or inf; rows 1 and 2 are working space."""
     rise = sign(coefficients[0, 1] - coefficients[0, 0])
     if rise * sign(coefficients[0, DEGREE] - coefficients[0, DEGREE - 1]) >= 0:
         return np.inf

@@ -1,14 +1,10 @@
 """The explicit integrator of order 8: for violent, driven and escaping motion that is not stiff.
 
-The error is estimated from several runs of different local tolerances, to which errors are nearly proportional. Two loose
-runs tell what a local tolerance makes at the end, and so which one the run that counts must have; its own error follows
-from its difference from the second of them. If that is more than was asked, runs follow until it is not. Where rounding
-may matter, a loose run is repeated with noise added at every step: the motion amplifies rounding as it amplifies noise,
-much near the top of a swing and in chaos. Where two runs have nothing to do with each other any more, their difference
-itself is the error.
+Errors are nearly proportional to local tolerances: two loose runs tell which tolerance the run that counts must have,
+and its error follows from its difference from the second. Runs follow until it is what was asked. Where rounding may
+matter, a loose run is repeated with noise at every step, which the motion amplifies as it does rounding. Where two runs
+have nothing to do with each other any more, their difference itself is the error.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
@@ -53,21 +49,10 @@ _CLEAR = 10.0  # errors by which a turn must miss or pass the level of a kick
 def integrate(
     system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, event: Escapement | None = None
 ) -> Trajectory:
-    """Integrate a system and return its states at `times`; see `trajectory`.
-
-    After each kick of the `event` the motion restarts. Crossings are found on the dense polynomial by a method that
-    cannot miss one (`events`), the step is then made anew up to the crossing, and the rest removed along the tangent:
-    instants are as good as the states.
+    """Integrate a system and return its states at `times`; see `trajectory`. Each kick of the `event` restarts it.
 
     `RefusedError`: stiff motion, a singularity, numbers that are not finite; a crossing so near to a touch that the
     tolerance does not decide whether the escapement fires.
-
-    Examples
-    --------
-    >>> from synth.systems.driven_pendulums import DrivenPendulums
-    >>> swing = integrate(DrivenPendulums(np.array([2.0])), [0.1, 0.0], [0.0, 1.0], tolerance=1e-12)
-    >>> round(float(swing.states[1, 0]), 6)
-    -0.041508
     """
     first, instants = checked(start, times, tolerance)
     made = refine(system, event, first, instants, tolerance)
@@ -199,20 +184,14 @@ def instants(begin: float, end: float) -> Floats:
 
 
 def _gain(rough: Run, fine: Run) -> float:
-    """Error of the finer of two runs over that of the other: the tolerances', more where their steps hardly differ.
-
-    A few long steps hardly shrink with the tolerance, and in an unstable motion the first of them count most.
-    """
+    """Error of the finer of two runs over that of the other: the tolerances', more where their steps hardly differ."""
     tighter = fine.tolerance / rough.tolerance
     steps = float(rough.counts[0]) / float(fine.counts[0]) if fine.counts[0] else 0.0
     return min(1.0, tighter * max(1.0, steps**_ORDER / tighter) ** 1.5)
 
 
 def _apart(one: Run, other: Run, few: Floats) -> float:
-    """Largest relative difference of two runs at `few` instants; 1 where their kicks do not match.
-
-    Kicks are at slightly different times in the two: only instants between the same kicks are compared.
-    """
+    """Largest relative difference of two runs at instants between the same kicks; 1 where their kicks do not match."""
     before = [np.searchsorted(each.happenings[0], few) for each in (one, other)]
     comparable = few[before[0] == before[1]]
     if comparable.size < (1.0 - _FEW) * few.size - 1:

@@ -4,8 +4,6 @@ State and time are kept as sums of two doubles: a step adds an increment that is
 rounding drops from the first double is kept in the second. Outputs never shorten a step, so that they change nothing.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -36,15 +34,11 @@ def march(
     system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, patience: int, amiss: float,
     states: Floats, scale: Floats, counts: Integers,
 ) -> tuple[int, float, Floats, Floats, Integers]:  # fmt: skip
-    """Integrate from `start` (n,) over increasing `times` (k,) and fill `states` (k, n) there.
+    """Integrate from `start` (n,) over increasing `times` (k,) and fill `states` (k, n); kicks only with an `event`.
 
-    `scale` (n,) receives the largest size of each component, `counts` (3,) steps, rejected steps and evaluations. The
-    `tolerance` is the local error allowed, relative to `scale`; `patience` the steps at the edge of stability after
-    which the motion counts as stiff; `amiss` is put to the state at each step, relative, up or down by chance: 0, or
-    much more than rounding to see what the motion makes of it. Without `event` (and its memory) kicks compile to
-    nothing.
-
-    Returned are DONE or why it ended before, time and state then, times of the kicks, and the number of each.
+    `scale` (n,) receives the largest sizes, `counts` (3,) steps, rejected steps and evaluations. The `tolerance` is
+    local, relative to `scale`; `patience` the steps at the edge of stability after which the motion counts as stiff;
+    `amiss` the relative noise put to the state at each step. Returned: DONE or why it ended, time, state, kicks.
     """
     n, end = start.size, times[-1]
     space = stepping.Space(

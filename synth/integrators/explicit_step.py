@@ -1,10 +1,7 @@
 """One step of the explicit Runge-Kutta pair of order 8, its dense output, and what is asked of it.
 
-Slopes are kept in the rows of one array, so that no view is made in the loop. The increment of the step is formed apart
-from the state, for the march to add it with compensation.
+Slopes are rows of one array: no views in the loop. The increment is kept apart, for compensated addition.
 """
-
-from __future__ import annotations
 
 import math
 from fractions import Fraction
@@ -197,10 +194,7 @@ def allow(tolerance: float, space: Space) -> None:
 
 @kernel
 def expect(start: Floats, slope: Floats, curvature: Floats, expected: Floats) -> None:
-    """Sizes that the components will grow to at least, so that one which starts at zero is not held to nothing.
-
-    With y'' = -w^2 y the rate reaches w y, and w is the root of y''/y: of all components, the fastest.
-    """
+    """Sizes that components will reach at least, for those that start at zero: y'' = -w^2 y lets the rate reach w y."""
     square = 0.0
     for i in range(start.size):
         if start[i] != 0.0:
@@ -215,8 +209,7 @@ def expect(start: Floats, slope: Floats, curvature: Floats, expected: Floats) ->
 def first_step(start: Floats, slope: Floats, allowed: Floats, tolerance: float, span: float) -> float:
     """At most a hundredth of the time in which the slope would change the state by its own size.
 
-    Errors of the first steps too are to be proportional to the tolerance, as it is assumed where marches are compared:
-    an unstable motion enlarges them more than all later ones.
+    Errors of the first steps too are to be proportional to the tolerance, as is assumed where runs are compared.
     """
     size, speed = 0.0, 0.0
     for i in range(slope.size):

@@ -1,16 +1,13 @@
 """Radau IIA of variable order (5, 9, 13) for stiff systems of a few unknowns, with an honest error.
 
-Motions are integrated in pairs of runs: how far two of different tolerance are apart tells how good they are. In a run
-the state and the time are kept as sums of two doubles: a step adds an increment that is small against them.
+Motions are integrated in pairs of runs of different tolerance, whose difference tells how good they are. State and time
+are sums of two doubles.
 
 A step ends with order 2 s - 1, its polynomial inside with order s only. Local errors are therefore allowed the
 power (s + 1)/(2 s) of the tolerance (Hairer and Wanner 1999), and a reading inside a step that has not earned its
-tolerance is solved for as a part step, or, where that fails, made the end of a step. Where readings are so many that
-this costs more than short steps, steps are chosen for the polynomial. Errors of ends add up and those of readings do
-not: they have tolerances of their own.
+tolerance is solved for as a part step, or made the end of a step; where readings are too many, steps are chosen for the
+polynomial. Errors of ends add up and those of readings do not: they have tolerances of their own.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
@@ -69,14 +66,12 @@ def integrate(
 ) -> Trajectory:
     """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`.
 
-    Two runs, one at a tolerance ten times looser, are compared. The estimate is half of their difference, which is
-    the error of the looser one, and as many roundings as the root of the number of steps. Where errors of steps have
-    added up to more than was asked for, tighter runs follow, twice at most. What is left then, of rounding above all,
-    the estimate tells. Jumps of the derivative are integrated over at the cost of short steps, not located.
+    Two runs, one at a tolerance ten times looser, are compared: the estimate is half of their difference, and as many
+    roundings as the root of the number of steps. Up to two tighter runs follow. Jumps of the derivative cost steps.
 
     The tolerance is from 1e-15 to 1e-2; that of a yielding support may be the share of the swing of the bobs
-    (`swing_of_bobs`), the estimate is relative to its own size. `stages` are the fewest and most (3, 5 or 7), by default
-    from 3 up to what the tolerance is worth. Source: Hairer and Wanner (1999), J. Comput. Appl. Math. 111, 93-111.
+    (`swing_of_bobs`). `stages` are the fewest and most (3, 5 or 7). Source: Hairer and Wanner (1999), J. Comput. Appl.
+    Math. 111, 93-111.
     """
     first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
     problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)
@@ -162,8 +157,7 @@ class Problem(NamedTuple):
 def swing_of_bobs(system: Any, start: Floats) -> Floats:
     """What counts as small, (n,): of a yielding support, displacement and speed of the bobs; of all else nothing.
 
-    Angles cannot feel a displacement of their support that is small against l theta. Were it followed relative to its
-    own size, the ringing of a stiff support by a millionth of l would take a thousand times the steps of the swing.
+    Relative to its own size, the ringing of a stiff support would take a thousand times the steps of the swing.
     """
     least = np.zeros(start.size)
     first, length = getattr(system, "first_angle", 0), getattr(system, "length", None)
@@ -186,13 +180,11 @@ def march(
     system: Any, arrays: stepping.Space, times: Any, least: Any, tolerances: tuple[float, float],
     orders: tuple[int, int], size: Any, out: Any, counts: Any,
 ) -> tuple[int, float]:  # fmt: skip
-    """Integrate from the first to the last of increasing `times` (k,) and fill `out` (k, n) there.
+    """Integrate over increasing `times` (k,) and fill `out` (k, n); DONE or why not, and how far it came, s.
 
-    State and largest sizes in `arrays` move on. `least` (n,) is what counts as small of each component; `tolerances` the
-    relative error wanted of ends of steps, and of readings inside; `orders` fewest and most stages, of 3, 5, 7; `size` a
-    tuple of length n. `counts` (3,) receives steps, evaluations, rejected steps.
-
-    Returned are DONE, or why not (STUCK, UNDEFINED: not finite, or ENDLESS), and how far it came, s.
+    State and largest sizes in `arrays` move on. `least` (n,) is what counts as small; `tolerances` those of ends of
+    steps, and of readings inside; `orders` fewest and most stages; `size` a tuple of length n; `counts` (3,) receives
+    steps, evaluations, rejected steps.
     """
     n, k, work = len(size), times.size, stepping.addresses(arrays)
     state, slope, slopes = arrays.state, arrays.slope, arrays.slopes

@@ -2,27 +2,21 @@
 
 With A the matrix of the method, A^-1 has one real eigenvalue and pairs of complex ones: A^-1 = M diag(rates) M^-1.
 Columns of `modes` M are the eigenvectors, scaled to end in 1: the real one, then real part and minus imaginary part
-of one of each pair, so that stages are z = Re(sum of w_k times eigenvector k) and the last stage is the plain sum of
-the real parts. `projection` is M^-1.
+of one of each pair, so that stages are z = Re(sum of w_k times eigenvector k). `projection` is M^-1.
 
 Source: E. Hairer, G. Wanner, "Stiff differential equations solved by Radau methods", J. Comput. Appl. Math. 111 (1999)
 93-111, and Solving Ordinary Differential Equations II, section IV.8. Computed from the definition (nodes: zeros of the
 difference of shifted Legendre polynomials P_s - P_(s-1)) with 80 digits and rounded once.
 
-The linear systems are one real and (s - 1)/2 complex ones of the size of the state. All live in one stack of real
-matrices: the real system in place 0, a complex one in two places that follow each other, real part first (stacks of
-complex numbers cost a third to a half of the speed); right-hand sides are rows at the same places.
-`rate - jacobian` is factored with partial pivoting, rows exchanged whole, so that all exchanges are applied to a
-right-hand side before any substitution. Pivots are stored inverted: substitution divides nowhere. The number of
-unknowns comes as the length of a tuple, which the compiler knows and unrolls by.
+The linear systems, one real and (s - 1)/2 complex, live in one stack of real matrices: place 0, then two places each,
+real part first (complex stacks cost a third to a half of the speed); right-hand sides are rows at the same places.
+`rate - jacobian` is factored with partial pivoting, rows exchanged whole; pivots are stored inverted. The number of
+unknowns comes as the length of a tuple, which the compiler unrolls by.
 
-Numba counts references to every array that a kernel is handed, with atomic instructions: arrays in place of addresses
-cost 30 % on an oscillator and 20 % on a beam. Kernels are therefore handed addresses (`address`) of arrays which the
-caller keeps alive, and index them flat; a matrix (m, n) is walked as `i * n + j`. Without compilation an address is a
-view, and the same code runs.
+Numba counts references to every array that a kernel is handed, which costs 20 to 30 %. Kernels are therefore handed
+addresses (`address`) of arrays which the caller keeps alive, and index them flat; a matrix (m, n) is walked as
+`i * n + j`. Without compilation an address is a view.
 """
-
-from __future__ import annotations
 
 from typing import Any, NamedTuple
 
@@ -106,10 +100,9 @@ overload(address, strict=False)(lambda array: lambda array: _address(array))
 
 @summing_kernel
 def factor(rate: float, jacobian: Any, size: Any, stack: Any, exchanges: Any) -> bool:
-    """Factor the real `rate - jacobian` (n, n) in place 0; False if it is singular or not finite.
+    """Factor the real `rate - jacobian` (n, n) in place 0; False if singular or not finite; `size`: tuple of length n.
 
-    The stack (s, n, n) receives L below the diagonal, inverse pivots on it, U above; `exchanges` (s, n) the row exchanged
-    with row k at stage k. `size` is a tuple of length n.
+    The stack (s, n, n) receives L, inverse pivots on the diagonal, U; `exchanges` (s, n) the row exchanged with row k.
     """
     n = len(size)
     for i in range(n):

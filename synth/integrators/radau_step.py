@@ -1,17 +1,13 @@
 """One step of Radau IIA: the collocation equations solved by Newton's method in the eigenvectors of A^-1.
 
 Unknowns are the increments z_i of the state at the s nodes, z = h A f(state + z) (Hairer and Wanner 1996, IV.8). The
-remainder f - A^-1 z/h is taken before the change to eigenvectors, which for 7 stages would cost two digits of the sums
-and leave a method with weights off by 2e-15 in one direction. The iteration goes on until its remainder is below the
-goal, or until rounding alone moves it. Stages come as the length of a tuple, so that each order is compiled with its
-coefficients as constants.
+remainder f - A^-1 z/h is taken before the change to eigenvectors, which for 7 stages would cost two digits. The
+iteration goes on until its remainder is below the goal, or until rounding alone moves it. Stages come as the length of
+a tuple, so that each order is compiled with its coefficients as constants.
 
-The collocation polynomial of a step is kept in Newton's form on the nodes 1 = c_s, ..., c_1, 0. Inside the step it is the
-dense output, of order s, or the first guess where a part of the step is solved for by itself; beyond it the first guess
-of the next step.
+The collocation polynomial is kept in Newton's form on the nodes 1 = c_s, ..., c_1, 0: inside the step the dense output,
+of order s, or the first guess of a part step; beyond it the first guess of the next step.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -140,12 +136,10 @@ def _size(rows: Any, size: Any, work: Space) -> float:
 def collocate(
     time: float, step: float, goal: float, count: Any, size: Any, work: Space, system: Any
 ) -> tuple[int, int, float]:
-    """Solve one step: `work.z` holds a first guess of the increments, the solution on return.
+    """Solve one step in `work.z`, from a first guess of the increments; `count`, `size`: tuples of length s and n.
 
-    The `goal` is what the iteration may leave, relative to the sizes, whose inverses are lowered where a component turns
-    out larger; `count` and `size` are tuples of length s and n; `work` holds addresses.
-
-    Returned are SOLVED, DIVERGED or NOT_FINITE, the corrections made, and the contraction, -1 where one was enough.
+    The `goal` is relative to the sizes, whose inverses are lowered where a component turns out larger. Returned are
+    SOLVED, DIVERGED or NOT_FINITE, the corrections made, and the contraction, -1 where one was enough.
     """
     if not _prepare(step, count, size, work):
         return NOT_FINITE, 0, 1.0
@@ -225,10 +219,7 @@ def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) 
 
 @summing_kernel
 def guess(s: int, old: int, begin: float, ratio: float, size: Any, work: Space) -> None:
-    """First guess of a step of s stages from the polynomial of another one of `old` stages (0: none).
-
-    It starts at the share `begin` of that one, and is `ratio` times as long.
-    """
+    """First guess from the polynomial of a step of `old` stages (0: none), from its share `begin`, `ratio` as long."""
     n, z, base = len(size), work.z, work.point
     if old == 0:
         for i in range(s * n):
@@ -243,10 +234,7 @@ def guess(s: int, old: int, begin: float, ratio: float, size: Any, work: Space) 
 
 @kernel
 def part_step(s: int, time: float, part: float, share: float, goal: float, size: Any, work: Space, system: Any) -> int:
-    """Solve the first `share` of a step by itself: increments in `work.point`, with the order of the end of a step.
-
-    Returns the corrections made, or 0 where it could not be solved; `work.point` then holds nothing of use.
-    """
+    """Solve the first `share` of a step into `work.point`; corrections made, or 0 where it could not be solved."""
     guess(s, s, 0.0, share, size, work)
     outcome, turns, _ = collocate_any(s, time, part, goal, size, work, system)
     for c in range(len(size)):
@@ -256,12 +244,9 @@ def part_step(s: int, time: float, part: float, share: float, goal: float, size:
 
 @kernel
 def local_error(s: int, time: float, step: float, again: float, size: Any, work: Space, system: Any) -> float:
-    """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1.
+    """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1: Hairer and Wanner (1996), IV.8.
 
-    Hairer and Wanner (1996), IV.8, (8.19) and (8.20).
-
-    Where it exceeds `again` it is filtered once more, with the slope at the corrected start: the first filter
-    overestimates what a stiff component has before it settled.
+    Above `again` it is filtered once more, (8.20): the first filter, (8.19), overestimates what has not settled yet.
     """
     n, z, f, g, point = len(size), work.z, work.f, work.g, work.point
     gain = _RATES[s // 2 - 1, 0].real / step

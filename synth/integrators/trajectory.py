@@ -1,17 +1,13 @@
-"""What every integrator takes and returns: checked arguments, a trajectory, one definition of the error.
-
-All have one face, `integrate(system, start, times, *, tolerance) -> Trajectory`:
+"""What every integrator takes and returns: `integrate(system, start, times, *, tolerance) -> Trajectory`, with
 
     system : NamedTuple    registered with a derivative (`synth.systems`), and whatever else the integrator says
     start : (n,)           state at the first of the times
     times : (k,)           increasing, s; they change neither steps nor intervals
     tolerance : float      error wanted, relative to the largest size of each component
 
-`UsageError` names arguments that cannot be meant; `RefusedError` says when and why an integration came to a stop, or that
-the integrator is not made for the system.
+`UsageError` names arguments that cannot be meant; `RefusedError` says when and why an integration came to a stop, or
+that the integrator is not made for the system.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any

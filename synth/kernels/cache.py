@@ -1,12 +1,8 @@
 """Where compiled kernels are kept, and what they were made from; known without numba, whose import takes a second.
 
-One folder for each installation and the versions that it runs with. A kernel's file name holds a digest (`stamp`) of
-its own source and of all of the project that its source imports, in turn: an edit recompiles what depends on it, and
-nothing else. Imports are read from the text, also those inside functions; more than what is compiled may be among them,
-never less.
+One folder for each installation and its versions. A kernel's file name holds a digest (`stamp`) of its own source and
+of all of the project that its source imports, in turn, as read from the text: an edit recompiles what depends on it.
 """
-
-from __future__ import annotations
 
 import atexit
 import contextlib
@@ -110,10 +106,7 @@ def _prune(base: Path) -> None:
 
 
 def stamp(file: str, modules: Iterable[str] = ()) -> str | None:
-    """Digest of all that a kernel in `file` was made from, with the modules that define the types of its arguments.
-
-    None where a part of it changed after this process began, which may have loaded either state of it.
-    """
+    """Digest of all that a kernel in `file` was made from; None where a part changed after this process began."""
     found = closure([Path(file), *(path for name in modules for path in _files(name))])
     if any(_changed(path) >= _BEGUN for path in found):
         return None

@@ -14,8 +14,6 @@ States are sums of two doubles, (components, 4): position and rate, each as lead
 the nodes is `known` (2, components, NODES): that of this turn, `known[now]`, and of the turn before.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import threading
@@ -66,10 +64,7 @@ class Weights(NamedTuple):
 def weights(
     square: float | Fraction, loss: float | Fraction, interval: float | Fraction, unit: Fraction = Fraction(1)
 ) -> Weights:
-    """Weights for one component (1/s^2 and 1/s) and one length of interval (s), taken as the numbers they are.
-
-    Rates count in units of `unit`, in 1/s, and remainders in units of its square.
-    """
+    """Weights for one component (1/s^2 and 1/s) and one length of interval (s); rates count in units of `unit`, 1/s."""
     places, points, lagrange, basis = _quadrature()
     length, scale, lost = float(interval), float(unit), float(loss)
     roots = np.float64(square - loss * loss / 4), np.float64(loss / 2)
@@ -116,10 +111,7 @@ def _long(ball: Any) -> Any:
 
 
 def _kernel(own: Any, half: Any, time: Any) -> tuple[Any, Any]:
-    """K and K' at times of any shape, in the precision of the arguments.
-
-    `own` is the square of the damped frequency, of either sign; `half` is half the loss.
-    """
+    """K and K' at times of any shape; `own` is the damped frequency squared, of either sign; `half` half the loss."""
     root = np.sqrt(abs(own))
     turn = root * time
     sine, cosine = (np.sin(turn), np.cos(turn)) if own >= 0.0 else (np.sinh(turn), np.cosh(turn))
@@ -193,10 +185,7 @@ def continuation() -> Floats:
 
 @kernel
 def turned(angle: Any) -> Any:
-    """sin, cos, `angle - sin` and `1 - cos` of sixteen angles.
-
-    Reduced to a quarter turn either way, then Taylor series; differences have no cancellation at small angles.
-    """
+    """sin, cos, `angle - sin` and `1 - cos` of sixteen angles, without cancellation at small angles."""
     half_turns = (angle * _INVERSE_PI + _ROUNDER) - _ROUNDER
     h = (angle - half_turns * _PI[0]) - half_turns * _PI[1]
     pairs = (half_turns * 0.5 + _ROUNDER) - _ROUNDER

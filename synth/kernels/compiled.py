@@ -1,17 +1,13 @@
 """Compilation of kernels: every Numba option of the project, chosen here once.
 
 What is compiled is kept on disk, since seconds of compilation at each start are not acceptable at a prompt: one index a
-kernel, for the sources that it was made from as they are now. Numba's own cache watches only the file of the function
-that was called: a kernel edited in another file would silently run old code. What is compiled for types of other
-packages (a system from a user's script) is not kept: whoever lacks that script could not read the index any more.
+kernel, for its sources as they are now. Numba's own cache watches only the file of the function that was called. What
+is compiled for types of other packages (a system from a user's script) is not kept: whoever lacks that script could not
+read the index any more.
 
-What a kernel calls becomes a part of it: typed and lowered once, optimised and made machine code with its caller. Numba
-makes of every function that another one calls a program of its own, which Python could call and does not: wrappers that
-unpack the arguments, all of LLVM's passes, machine code. Without that the first command compiles in half the time, to
-code that runs as fast.
+What a kernel calls becomes a part of it: typed and lowered once, optimised and made machine code with its caller, where
+Numba makes of every function a program of its own with wrappers. So the first command compiles in half the time.
 """
-
-from __future__ import annotations
 
 import contextlib
 import glob
@@ -51,8 +47,7 @@ def _raise_unequal(source: Any, target: Any) -> None:
 
 
 def _typed_once(resolve: Any) -> Any:
-    """What Numba asks all its templates at every sign of a source, once for all of equal operands: an eighth of all
-    time."""
+    """What Numba asks all its templates at every sign of a source, once for equal operands: an eighth of all time."""
     known: dict[Any, Any] = {}
 
     def resolved(function: Any, context: Any, operands: Any, named: Any) -> Any:
@@ -151,10 +146,7 @@ class Stored(_Cache):  # type: ignore[misc]  # Numba is untyped
         return str(cache_folder())
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was compiled for a signature, from the present sources; None if nothing was.
-
-        Of several processes that miss a kernel one compiles it, and the others wait until it is there.
-        """
+        """What was compiled for a signature, or None; of several processes one compiles, and the others wait."""
         file = self._file(sig)
         target_context.refresh()
         found = self._read(file, sig, target_context)
@@ -274,10 +266,9 @@ def kernel(function: Function) -> Function:
 
 
 def summing_kernel(function: Function) -> Function:
-    """As `kernel`, for loops that add up many products.
+    """As `kernel`, for loops that add up many products, which may be reordered and fused: vectors, seven times faster.
 
-    Sums may be reordered and fused, which lets LLVM use vector instructions (seven times faster for a
-    Gram matrix); NaN and infinity keep their meaning. Never for error-free transforms.
+    NaN and infinity keep their meaning. Never for error-free transforms.
     """
     return _compile(function, fastmath={"reassoc", "contract"})
 

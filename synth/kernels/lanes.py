@@ -1,13 +1,10 @@
 # mypy: disable-error-code="attr-defined,call-arg,import-untyped,no-untyped-call,untyped-decorator"
 # (Numba's extension interface has no types, and an intrinsic is called without its first argument.)
-"""Sixteen doubles at once, for kernels that must not depend on what the compiler can find out about their loops.
+"""Sixteen doubles at once, for kernels that must not depend on what the compiler finds out about their loops.
 
-`load(array, (row, start))` takes sixteen neighbours, `store` puts them back, arithmetic works on all of them (and with
-plain numbers), and the compiler turns it into the widest instructions of the machine. Products and sums may be fused;
-they are never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
+`load(array, (row, start))` takes sixteen neighbours, `store` puts them back, arithmetic works on all. Products and sums
+may be fused, never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
 """
-
-from __future__ import annotations
 
 import inspect
 import operator

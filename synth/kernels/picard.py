@@ -1,10 +1,7 @@
 """Exponential Picard collocation of pendulums, interval by interval; the equations stand in `propagators.picard`.
 
-In every interval the angle at the nodes and the remainder r there are computed from each other until they agree.
-Nothing is allocated in inner loops. Kernels of the remainder are odd in (theta, u, drive) to the last bit.
+Kernels of the remainder are odd in (theta, u, drive) to the last bit.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -51,11 +48,9 @@ def march(
 
     `state` (pendulums, 4), y and y'/n each as leading double and rest, and `remainder` (pendulums, NODES), r in the
     interval before or zero, move on. `floor` (pendulums,) is the square of an angle below which agreement is not asked
-    for in relation to y alone; `stop` the change of r, relative to the angle, from which an iteration is the last.
-    `points` (pendulums, intervals or more, POINTS) receives y at start, nodes and end of every interval.
-
-    `report` (pendulums, 5) holds squares: largest last and last but one pair of Legendre coefficients of r, sum of r,
-    largest amplitude of y; then the number of iterations. They are raised, never reset.
+    for in relation to y alone; `stop` the change of r, relative, from which an iteration is the last. `points`
+    (pendulums, intervals or more, POINTS) receives y at start, nodes and end. `report` (pendulums, 5), raised, never
+    reset: squares of the largest last and last but one pair of Legendre coefficients of r, sum of r, and y; iterations.
     """
     flow, inner, guess, end, propagator, tail, linear = law
     steady, vertical, horizontal, drive, impulses = forcing
@@ -115,10 +110,7 @@ def remainder_of(
     linear: bool, theta: Floats, vertical: Floats, horizontal: Floats, drive: Floats, p: int, i: int, known: Floats,
     now: int,
 ) -> None:  # fmt: skip
-    """r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive: the pendulum itself, at any angle.
-
-    Of the linear law, which the support's horizontal acceleration does not change, r = -zeta theta - drive.
-    """
+    """r = (theta - sin theta) - zeta sin theta + u (1 - cos theta) - drive; linear: r = -zeta theta - drive."""
     angle, heave = load(theta, (p, 0)), load(vertical, (i, 0))
     if linear:
         pull = -(heave * angle)

@@ -8,8 +8,6 @@ times 1.16 for what the Earth yields (Longman 1959). Places of Moon and Sun: the
 Algorithms (2nd ed. 1998), chapters 12, 25 and 47, without nutation. The permanent part is in it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from synth.phase import Floats
@@ -47,19 +45,7 @@ _LATITUDE = np.array(
 def tide(unix_time: Floats, latitude: float, longitude: float, height: float = 0.0) -> Floats:
     """What the tide takes off gravity, m s-2; to be added to what was measured.
 
-    Parameters
-    ----------
-    unix_time : (n,) array
-        s since 1970-01-01 UTC.
-    latitude, longitude : float
-        Degrees, north and east positive.
-    height : float
-        m above the sea.
-
-    Examples
-    --------
-    >>> round(1e8 * tide(np.array([0.0]), 45.0, 0.0)[0])  # microgal
-    -10
+    `unix_time` (n,) s since 1970-01-01 UTC; latitude and longitude in degrees, north and east positive; height m.
     """
     days = (np.asarray(unix_time) - EPOCH) / 86400.0
     centuries = (days + DYNAMICAL / 86400.0) / 36525.0

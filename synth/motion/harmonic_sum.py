@@ -9,8 +9,6 @@ alpha = 0.0081 as well; the three conflict). In deep water, k = w^2/g, a wave of
 with an acceleration of amplitude a w^2 exp(-k d), horizontal and vertical.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -75,7 +73,7 @@ class Sums:
         """All sums over every comb."""
         return tuple(comb.sums(*self.coefficients) for comb in self.combs)
 
-    def some(self, which: slice) -> Sums:
+    def some(self, which: slice) -> "Sums":
         """Some of the sums."""
         return Sums(self.angular_frequency, self.coefficients[which], self.combs)
 
@@ -142,10 +140,9 @@ def spectral_shape(relative_frequency: Floats, peak_factor: float) -> Floats:
 
 
 def bin_variances(edges: Floats, spectrum: str, significant_height: float) -> Floats:
-    """Variance of the sea's elevation in bins of frequency, m^2.
+    """Variance of the sea's elevation in bins of frequency, m^2; `spectrum` is a key of PEAK_FACTOR.
 
-    The edges of the bins are multiples of the peak frequency, increasing, from LOWEST to at most 40; the spectrum is a
-    key of PEAK_FACTOR; the significant height four times the rms elevation of the whole spectrum, m.
+    Edges are multiples of the peak frequency, increasing, from LOWEST to at most 40; the significant height is in m.
     """
     x = np.geomspace(LOWEST / 2, _TOP, _POINTS)
     density = spectral_shape(x, PEAK_FACTOR[spectrum])
@@ -155,11 +152,9 @@ def bin_variances(edges: Floats, spectrum: str, significant_height: float) -> Fl
 
 
 def sea(term: SeaMotion, gravity: float, chance: np.random.Generator) -> HarmonicSum:
-    """Draw a sea.
+    """Draw a sea: the frequency of each harmonic evenly inside its bin, so that the record does not repeat itself.
 
-    The bins are equally wide; the frequency of each harmonic is drawn evenly inside its bin, so that the record does
-    not repeat itself, and its phase at random. Its amplitude follows from the variance of its bin. Gravity, m/s^2, is
-    for the wave number.
+    Amplitudes follow from the variance of equally wide bins. Gravity, m/s^2, is for the wave number.
     """
     peak = 2 * math.pi / term.peak_period
     edges = np.linspace(LOWEST, term.cutoff, term.components + 1)

@@ -1,21 +1,14 @@
 """A recorded acceleration, continued between its readings as a finite sum of harmonics.
 
-Band-limited interpolation of readings at even steps: the table is continued beyond both ends by its point
-reflection, which fades into the mean, so that the whole closes on itself without a jump; its discrete Fourier
-transform then is a sum of harmonics that passes through every reading and holds nothing beyond half the
-table's rate. That sum *is* the motion: the pendulums answer it in closed form, and what the record sees is
-exact. The many harmonics of a long table are summed by Fourier transform (see `propagators.periodic`), to 1e-15 too:
-a day of readings once a second, 54001 harmonics, takes 0.1 microseconds a sum and moment.
-
-Uneven readings are first continued by a spline of degree 5, whose values at fine even steps take the table's
-place.
+Band-limited interpolation at even steps: the table is continued beyond both ends by its point reflection, which fades
+into the mean, so that the whole closes on itself; its discrete Fourier transform is a sum of harmonics that passes
+through every reading and holds nothing beyond half the table's rate. That sum *is* the motion. It is summed by
+Fourier transform, to 1e-15 (`propagators.blocks`). Uneven readings are first continued by a spline of degree 5.
 
 Interpolation error against the motion that was read, 10 s swell once a second, as a part of its amplitude:
 1.5e-2 between the last two readings, 1e-3 three readings from the end, 7e-6 fifty readings from it, and
 falling. It is an error of the table, not of the simulation: the truth holds the interpolated motion.
 """
-
-from __future__ import annotations
 
 import csv
 import io
@@ -41,10 +34,7 @@ _REFINEMENT = 4  # even steps a typical uneven step
 
 
 def tabulated(term: Table, duration: float) -> HarmonicSum:
-    """Read a table and continue it over the true time that the record needs, s.
-
-    `SceneError` if the table does not cover the record, jumps, or is uneven and should be band-limited.
-    """
+    """Read a table for the true time, s, of the record; `SceneError`: too short, jumps, or uneven and band-limited."""
     seconds, values = read_table(term)
     begin = term.begin if term.begin is not None else float(seconds[0])
     if begin < seconds[0] or begin + duration > seconds[-1] + _EVENNESS:
@@ -125,9 +115,9 @@ def _alone(differences: Floats, nearest: int) -> np.ndarray:
 
 @np.errstate(all="ignore")
 def read_table(term: Table) -> tuple[Floats, Floats]:
-    """Two columns of a CSV file or two variables of a netCDF file: times in s, and values times the factor.
+    """Two columns of a CSV file or variables of a netCDF file: times in s, and values times the factor.
 
-    `SceneError` if the file or a column is not there, a value is not a number, or the times do not increase.
+    `SceneError`: no such file or column, a value that is no number, or times that do not increase.
     """
     path = Path(term.file)
     try:

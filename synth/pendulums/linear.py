@@ -18,8 +18,6 @@ beta corrected, and at exact resonance (mu = 0) it is G t exp(lambda t). So thet
 in which Re Z + psi satisfies the equation of motion exactly.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -108,11 +106,7 @@ def respond(frequency: float, damping_rate: float, start: Start, motion: Harmoni
 
 
 def start_state(response: Response) -> Floats:
-    """Angle and angular velocity at t = 0 of a linear pendulum: its free harmonic on top of the steady motion psi.
-
-    A pendulum released at rest would carry a mean mode of its own (physics sheet, 1.2); a nonlinear pendulum that is to
-    start on the forced solution starts from here; rad and rad/s, (2,).
-    """
+    """Angle and rate at t = 0, (2,) rad and rad/s: the free harmonic on top of psi (physics sheet, 1.2)."""
     own = complex(-response.damping_rate, float(response.damped_frequency))
     slow = np.array([np.sum(response.forced), np.sum(1j * response.motion.angular_frequency * response.forced)])
     free = np.array([response.start, own * response.start + np.sum(response.gain)])

@@ -1,14 +1,11 @@
 r"""Moments as whole numbers of an exact step, blocks of them, and sums of functions of time at all of them.
 
-A sum over functions f of Re(weight(t_b) f(tau)) splits into a part even in tau and a part odd in tau. Each is
-a product (blocks x functions) times (functions x reaches) over the positive half alone; one added to the other is the
-first half of the block, backwards, and one taken from the other is the second half. For f = exp(i w tau) the even part
-is a cosine and the odd part a sine, so that a harmonic costs one multiplication a sample.
+A sum of Re(weight(t_b) f(tau)) splits into parts even and odd in tau, each a product (blocks x functions) times
+(functions x reaches) over the positive half alone; for f = exp(i w tau) a harmonic costs one multiplication a sample.
 
-Many multiples of one frequency, at any moments: an inverse Fourier transform and short interpolation.
-A long recorded motion is tens of thousands of harmonics k = 0, 1 ... K - 1 of one period, and every moment of every
-pendulum is a sum over all of them. The transform gives these sums on a grid of M >= 4 K points a period; between the
-points a kernel phi of 16 points interpolates, and what it does to a harmonic is known and divided out beforehand,
+Many multiples k = 0, 1 ... K - 1 of one frequency (a long recorded motion), at any moments: an inverse Fourier
+transform on a grid of M >= 4 K points a period, between which a kernel phi of 16 points interpolates; what it does to
+a harmonic is divided out beforehand,
 
     sum_j phi(u - j) exp(i theta j) = Phi(theta) exp(i theta u) + aliases,    |theta| = 2 pi k/M <= pi/2
 
@@ -16,8 +13,6 @@ For phi the Kaiser-Bessel window I0(beta sqrt(1 - (u/8)^2)), with Phi = 16 sinh(
 aliases are 1e-15 (Fourmont, J. Fourier Anal. Appl. 9, 431, 2003). Within a step of the grid the 16 values of phi are
 polynomials of the place. The place itself is a whole number of 2^-64 period: exact however late.
 """
-
-from __future__ import annotations
 
 import functools
 import math
@@ -48,7 +43,7 @@ class Ticks:
     stride: int | None = None  # from one to the next, where it is the same for all
 
     @classmethod
-    def even(cls, first: int, stride: int, count: int) -> Ticks:
+    def even(cls, first: int, stride: int, count: int) -> "Ticks":
         """Evenly spaced ones."""
         return cls(np.arange(count, dtype=np.int64) * stride + first, stride)
 
@@ -71,10 +66,7 @@ class Ticks:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Moments t_b + tau and t_b - tau: every block lies evenly about its centre.
-
-    The moments of a block run from the farthest before the centre to the farthest after it.
-    """
+    """Moments t_b + tau and t_b - tau, from the farthest before a block's centre to the farthest after it."""
 
     centres: Ticks  # t_b
     reaches: Ticks  # tau, positive and increasing
@@ -106,14 +98,11 @@ class Blocks:
 
 
 def product(even: Sequence[tuple[Floats, Floats]], odd: Sequence[tuple[Floats, Floats]], result: Floats) -> None:
-    """Evaluate some functions and put their sum into a result.
+    """Evaluate some functions and put their sum into a result, (blocks, moments).
 
-    Rows are taken in strips small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond
-    gains little from a second thread, and waits for milliseconds if that thread's core is busy. Products too large
-    for strips may have all threads.
-
-    Even and odd parts of each function (at least one) are weights (rows, blocks) and tables (rows, reaches); odd is
-    before minus after. The result is (blocks, moments).
+    Even and odd parts of each are weights (rows, blocks) and tables (rows, reaches); odd is before minus after.
+    Strips of rows are small enough for the BLAS to keep to one thread: a product of a tenth of a millisecond gains
+    little from a second, and waits for milliseconds if that thread's core is busy.
     """
     evens, odds = ([np.concatenate(column) for column in zip(*each, strict=True)] for each in (even, odd))
     reaches = evens[1].shape[1]

@@ -11,11 +11,8 @@ and is solved interval by interval: r is the polynomial through its values at Ga
 linear flow is a product with fixed weights, and nodes and answer are iterated until they agree. Where the law is
 linear, r = -zeta theta - u_near.
 
-Nothing but the state (y, y'/n) passes from interval to interval, with a propagator and a state of two doubles each;
-phases come from whole numbers. Hence 1e-15 to 1e-14 of the largest angle in an hour.
-
-Intervals are handled in strides: forcing for all nodes of a stride by matrix products, then the compiled kernel. A
-stride that iteration or the nodes cannot manage is taken again from its start in intervals half as long.
+Propagator and state (y, y'/n) are two doubles each; hence 1e-15 to 1e-14 of the largest angle in an hour. A stride of
+intervals that iteration or the nodes cannot manage is taken again in intervals half as long.
 """
 
 from __future__ import annotations
@@ -69,10 +66,7 @@ class PicardPlan:
     kicks: Kicks | None = None  # Impulses at ends of intervals
 
     def elongation(self) -> tuple[Floats, float]:
-        """Angles at all readings, (pendulums, readings) rad, and the estimated error, relative to the largest angle.
-
-        `RefusedError` if the motion is too violent for intervals of any sensible length.
-        """
+        """All angles, (pendulums, readings) rad, and the relative error; `RefusedError` if too violent."""
         theta, error, done = np.empty((len(self.frequencies), self.times.count)), 0.0, 0
         for angles, so_far in strides(self):
             here = slice(done, done + angles.shape[1])
@@ -129,8 +123,6 @@ def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
 
 def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
     """Angles of stride after stride, (pendulums, readings) rad, and the estimate of the largest error up to there.
-
-    The first stride is tried in intervals of several lengths, longest first; later ones halve what it took.
 
     `RefusedError` if intervals of a thousandth of the planned length are still too long.
     """
@@ -211,15 +203,15 @@ def _largest(values: Floats) -> float:
 
 
 class Estimate:
-    """How far several pendulums (so many without shadows) may be off, from what the march notes on its way, in rad.
+    """How far several pendulums (so many without shadows) may be off, rad.
 
-    - Readings are rounded, and so are phases: a few units of the last place of the largest angle.
+    - Readings and phases are rounded: a few units of the last place of the largest angle.
     - r beyond its last Legendre term, extrapolated from the decay of the last two pairs and integrated twice over an
       interval. It does not add up: at Gauss nodes the ends of intervals are right to its square.
     - The rounding of r adds up like a random walk in the state and then grows. A small arc turns a change of amplitude
-      into one of phase by dn/dTheta = -n Theta/8. For a large one growth is measured: a shadow of each pendulum, behind
-      all pendulums, starts with a little more energy, as much as rounding of the speed would give it at the lowest
-      point, and the distance of the two tells. Energy, because near the separatrix it decides what comes next.
+      into one of phase by dn/dTheta = -n Theta/8. For a large one growth is the distance from a shadow of each
+      pendulum, behind all pendulums, which starts with a little more energy: one rounding of the speed at the lowest
+      point. Energy, because near the separatrix it decides what comes next.
     """
 
     def __init__(self, pendulums: int) -> None:
@@ -253,10 +245,9 @@ class Estimate:
         return report
 
     def add(self, report: Floats, steady: Floats, turn: Floats, points: Floats) -> None:
-        """Take up what a stride noted, shadows included; arrays are replaced, never written to.
+        """Take up a stride's `report` (pendulums, 5), with shadows; arrays are replaced, never written to.
 
-        Its `report` (pendulums, 5); largest angles of the `steady` answers (pendulums,), rad; n h, the `turn` of an
-        interval (pendulums,); y at the `points` (pendulums, intervals, POINTS).
+        Largest angles of the `steady` answers, rad; the `turn` n h; y at the `points` (pendulums, intervals, POINTS).
         """
         self._amplitude = report[:, 3]
         shown = slice(self.shown)

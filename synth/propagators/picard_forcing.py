@@ -1,9 +1,7 @@
 """Intervals of collocation: sums of harmonics at their nodes and at readings, where those lie, and the weights.
 
-Many intervals make one block of moments that lie evenly about its centre, so that the even and the odd part of
-all sums are two matrix products (see `blocks`): sines only for the edges of the table, and exact phases however
-late the block. Those of a long table come by Fourier transform (see `blocks`). Even readings repeat a short pattern
-among intervals, uneven ones are looked up.
+Many intervals make one block of moments (see `blocks`); a long table comes by Fourier transform. Even readings repeat a
+short pattern among intervals, uneven ones are looked up.
 """
 
 from __future__ import annotations
@@ -53,11 +51,7 @@ class Grid:
         ]
 
     def evaluate(self, centres: Ticks) -> Floats:
-        """Real parts of the sums, (sums, centres * moments), in order of time.
-
-        A harmonic Re(U exp(i w (t_b + tau))) has an even part in tau, Re(U_b) cos(w tau), and an odd part,
-        -Im(U_b) sin(w tau).
-        """
+        """Real parts of the sums, (sums, centres * moments), in order: Re(U_b) cos(w tau) - Im(U_b) sin(w tau)."""
         head = centres.phasors(self._rate)
         rows = len(self._coefficients) * centres.index.size
         weights = (self._coefficients.T[:, :, None] * head[:, None, :]).reshape(len(head), rows)

@@ -1,21 +1,17 @@
 """Moments, even or uneven, and what is asked of them: sums over harmonics, those of long tables by Fourier transform.
 
-The closed form at many moments is small matrix products. Every moment is a block's centre plus an offset inside the
-block, t = t_b + tau, and every function splits,
+Every moment is a block's centre plus an offset, t = t_b + tau, and every function splits,
 
     exp(i w t)    = exp(i w t_b) exp(i w tau)
     exp(lambda t) = exp(lambda t_b) exp(lambda tau)
     growth(t)     = growth(t_b) + exp(mu t_b) growth(tau),    growth(t) = (exp(mu t) - 1)/mu
 
-so that all moments are products (blocks x functions) times (functions x offsets), with sines only for the edges of the
-table. Nothing accumulates from block to block, so nothing drifts.
+so that all moments are products (blocks x functions) times (functions x offsets), and nothing drifts.
 
 Uneven moments: the closed form at Chebyshev nodes of short blocks, interpolated inside each. Over a block of length 2 r
 every harmonic with w r <= 4 is a polynomial of degree 27 to 1e-19 (its Chebyshev coefficients are Bessel functions of
-w r): interpolation is exact to rounding, without a sine for every moment and harmonic.
+w r): interpolation is exact to rounding.
 """
-
-from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
@@ -105,10 +101,7 @@ def _evaluate(sums: Sequence[tuple[Phasors, _Free | None]], angular_frequency: F
 
 
 def growth(split: Phasors, seconds: Floats) -> Phasors:
-    """Return (exp(mu t) - 1)/mu, (beats, moments), without cancellation; at mu = 0, exact resonance, its limit t.
-
-    `split` (beats, 1) is mu, and `seconds` (moments,) are t.
-    """
+    """(exp(mu t) - 1)/mu, (beats, moments), without cancellation; t at mu = 0. `split` (beats, 1) is mu."""
     turn = split * seconds
     grown = np.ones_like(turn)
     np.divide(np.expm1(turn), turn, out=grown, where=np.abs(turn) > _TINY)
@@ -183,7 +176,7 @@ class EvenTimes(Times):
     count: int
     first: int = 0  # Steps before the first of these moments
 
-    def stretch(self, begin: int, end: int) -> EvenTimes:
+    def stretch(self, begin: int, end: int) -> "EvenTimes":
         """The moments from number `begin` up to `end`, counted among these."""
         return EvenTimes(self.step, end - begin, self.first + begin)
 
@@ -215,7 +208,7 @@ class UnevenTimes(Times):
         """Number of moments."""
         return self.seconds.size
 
-    def stretch(self, begin: int, end: int) -> UnevenTimes:
+    def stretch(self, begin: int, end: int) -> "UnevenTimes":
         """The moments from number `begin` up to `end`."""
         return UnevenTimes(self.seconds[begin:end], self.scale)
 

@@ -1,8 +1,4 @@
-"""What the apparatus makes of the motion: tilt of the case, errors of traces, of accelerometers and of time; then the
-defects of the recording: noise, outliers, rounding, and what is lost.
-"""
-
-from __future__ import annotations
+"""What the apparatus makes of the motion: tilt, errors of traces, accelerometers and time; defects of the recording."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,10 +24,7 @@ _GAP, _MARK = ELONGATION_FLAGS["gap"], ELONGATION_FLAGS["time_mark"]
 
 
 class Apparatus:
-    """The apparatus of one record, given its whole clock; chunk by chunk, in order of time.
-
-    Chance is drawn for the whole record, trace by trace, so that it does not depend on the chunks.
-    """
+    """The apparatus of one record, chunk by chunk in order; chance is drawn for the whole record, trace by trace."""
 
     def __init__(self, plan: Plan, clock: Clock) -> None:
         scene, recording = plan.scene, plan.scene.recording

@@ -1,7 +1,5 @@
 """When samples are taken, and what the chronometer says of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -56,11 +54,8 @@ class Clock:
         last = self.times.count - 1 if isinstance(self.kept, slice) else int(self.kept[-1])
         return float(Clock(self.times.stretch(last, last + 1), slice(None), self.scale).true_seconds[0])
 
-    def chunks(self) -> Iterator[Clock]:
-        """The same moments in chunks, in order of time; a chunk may record nothing.
-
-        A scene always falls into the same chunks: hence the same bits.
-        """
+    def chunks(self) -> Iterator["Clock"]:
+        """The same moments in chunks, always the same ones of a scene; a chunk may record nothing."""
         size = CHUNK // _UNEVEN if isinstance(self.times, UnevenTimes) else CHUNK
         for begin in range(0, self.times.count, size):
             end, first, kept = min(begin + size, self.times.count), begin, self.kept
@@ -76,11 +71,9 @@ def true_time_scale(rate: float) -> Fraction:
 
 
 def set_clock(scene: Scene) -> Clock:
-    """Moments of a scene's samples: 0, step, 2 step ... by the chronometer, less those dropped.
+    """Moments of a scene's samples by the chronometer, less those dropped; `SceneError` if no sample is left.
 
     Even samples without a gap are only counted, not listed; others take a few numbers each.
-
-    `SceneError` if no sample is left.
     """
     recording = scene.recording
     scale = true_time_scale(recording.chronometer_rate)

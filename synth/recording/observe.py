@@ -1,7 +1,5 @@
 """The record: what an instrument would have written down of the motion; and the truth, which no estimator may read."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
@@ -27,10 +25,7 @@ _SCALARS = ("temperature", "air_density", "yaw_rate", "speed", "course", "latitu
 
 
 def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Apparatus) -> Contents:
-    """Record a motion at the moments of a clock, as `data_schemas` lays a record out.
-
-    The apparatus is that of the whole recording; its chunks must come in order of time.
-    """
+    """Record a motion at the moments of a clock, as `data_schemas` lays a record out; chunks come in order of time."""
     samples, flags = apparatus.samples(sampled, clock)
     record: dict[str, Any] = {
         "combination": (("trace", "pendulum"), combination(scene)),
@@ -62,7 +57,7 @@ def observe(scene: Scene, clock: Clock, sampled: SampledMotion, apparatus: Appar
     }
 
 
-def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: Unwrapping) -> Contents:
+def reveal(clock: Clock, plan: Plan, sampled: SampledMotion, unwrapped: "Unwrapping") -> Contents:
     """Lay out the truth of a record, or of a chunk of it, as `data_schemas` does; chunks must come in order of time.
 
     theta = free_amplitude * cos(free_phase) + forced to the last digit where the pendulums are linear.
@@ -202,11 +197,7 @@ def _bases(scene: Scene) -> Variables:
 
 
 class Unwrapping:
-    """Unwraps chunk after chunk, in order of time, as if the signal had come whole.
-
-    The signal's own phase may turn by half a turn between samples; the difference from the base moves slowly. The
-    turns of that difference are counted in whole numbers, which do not depend on the chunks.
-    """
+    """Unwraps chunk after chunk, in order of time: the slow difference from the base is counted in whole turns."""
 
     def __init__(self) -> None:
         self._last: Floats | None = None  # of the difference, (pendulums, 1) rad

@@ -1,13 +1,10 @@
-"""Any number of pendulums on a support that moves as prescribed.
+"""Any number of pendulums on a support that moves as prescribed (section 1 of the formula sheet).
 
     theta_i'' = -n_i^2 [(1 + zeta) sin theta_i + u cos theta_i] + terms,      u = x''/g, zeta = z''/g
     theta_i'' = -n_i^2 [(1 + zeta) theta_i + u] + terms                       linear
 
-(section 1 of the formula sheet). Horizontal and vertical motion, the law and every resistance are terms; what is
-`None` is not compiled.
+Horizontal and vertical motion, the law and every resistance are terms; what is `None` is not compiled.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
@@ -46,10 +43,7 @@ def _slant_linear(angle: float, restoring: Linear) -> tuple[float, float]:
 
 
 class DrivenPendulums(NamedTuple):
-    """Parameters; state (theta_1, theta_1', theta_2, theta_2', ...).
-
-    Mirror: theta -> -theta with the horizontal motion reversed.
-    """
+    """State (theta_1, theta_1', theta_2, ...); mirror: theta -> -theta with the horizontal motion reversed."""
 
     natural_frequency: Floats  # (pendulums,) n_i at infinitesimal arc, rad/s
     gravity: float = 9.80665  # m/s^2; only the ratio of the support's acceleration to it matters

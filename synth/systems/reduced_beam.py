@@ -15,8 +15,6 @@ It knows one mass, one eps and one S0 = l_i phi0_i, and puts one length l (here 
 What the clocks differ in by less than their lengths do is of the size of what it neglects anyway.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,10 +1,8 @@
-"""What resists or drives the swing of one pendulum: angular acceleration as a function of angle and rate.
+"""What resists or drives the swing of one pendulum: angular acceleration, rad/s^2, by angle and rate.
 
-Each term holds arrays of one value a pendulum. A kernel takes the acceleration so far, in rad/s^2, and returns it with
-its share added. A new law is a field of the schema, declared a resistance, and its class and kernel here.
+Terms hold arrays of one value a pendulum; a kernel adds its share to the acceleration so far. A new law is a field of
+the schema, declared a resistance, and its class and kernel here.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Sequence
@@ -22,10 +20,7 @@ from synth.systems.terms import together
 
 
 def terms_of(pendulums: Sequence[Pendulum]) -> Any:
-    """What resists or drives, only what some pendulum has; one without it has a strength of zero.
-
-    `SceneError`: a field of a pendulum resists by its declaration, and no law is declared for it.
-    """
+    """What resists or drives any pendulum, zero for the others; `SceneError`: a declared resistance has no law."""
     terms = []
     for field, name in (RESISTANCES | {"escapement": "a van der Pol escapement"}).items():
         values = [getattr(each, field) for each in pendulums]

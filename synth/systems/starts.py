@@ -1,7 +1,5 @@
 """What the start of a motion says of all of it: how fast it can change, and whether symmetry holds two clocks together."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -21,17 +19,9 @@ _OWN = ("mass", "length", "detuning", "natural_frequency")
 
 
 def symmetric(system: Any, state: ArrayLike) -> bool:
-    """Whether a motion begins on the symmetric set: two clocks alike whose angles and rates agree but for one sign.
+    """Whether two like clocks begin with angles and rates equal but for one sign; they stay so in floating point.
 
-    In theory and in floating point they stay so for ever. The system is a `ReducedBeam`, `ElasticBeam`, `FlexibleFrame`
-    or `Metronomes`, its state (n,).
-
-    Examples
-    --------
-    >>> from synth.systems.yielding import Metronomes
-    >>> pair = Metronomes(np.array([6.0, 6.0]), 0.1)
-    >>> symmetric(pair, [2.0, 0.0, -2.0, 0.0]), symmetric(pair, [2.0, 0.0, -1.999, 0.0])
-    (True, False)
+    The system is a `ReducedBeam`, `ElasticBeam`, `FlexibleFrame` or `Metronomes`, its state (n,).
     """
     pairs = np.asarray(state, dtype=np.float64)[system.first_angle :].reshape(-1, 2)
     terms = apart(getattr(system, "terms", None))
@@ -44,9 +34,8 @@ def symmetric(system: Any, state: ArrayLike) -> bool:
 def fastest_rate(system: Any, start: ArrayLike) -> float:
     """Largest modulus of an eigenvalue of the Jacobian, 1/s (1 over the system's unit of time), at likely states.
 
-    These are rest, the start, and where the swing may go from there: its ends, its middle, and where a van der Pol
-    escapement leads it (twice its angle). No kernel is compiled for this: the equations run as plain Python. The motion
-    of the ship is left out: it moves eigenvalues by its share of gravity and makes nothing stiff.
+    These are rest, the start, ends and middle of the swing, and twice a van der Pol escapement's angle. The equations
+    run as plain Python, without the motion of the ship, which makes nothing stiff.
     """
     calm = system._replace(**{name: None for name in ("horizontal", "vertical") if hasattr(system, name)})
     matrices = [plain_jacobian(0.0, state, calm) for state in _likely(calm, np.asarray(start, dtype=np.float64))]

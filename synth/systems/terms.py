@@ -7,19 +7,15 @@ Two questions are put to a term, and each is answered by the kernel that the ter
 
 `Both(first, second)` is the sum of two terms; `together(...)` folds any number of them.
 
-In the frame of a ship every mass feels `-m x''` sideways and `-m z''` upwards (z'' up positive). A bob's share along its
-swing is `(g + z'') sin phi + x'' cos phi` (`weight`); the rest acts on what holds the pendulums (`carried`).
+In the frame of a ship every mass feels `-m x''` sideways and `-m z''` upwards (z'' up positive). A bob's share along
+its swing is `(g + z'') sin phi + x'' cos phi` (`weight`); the rest acts on what holds the pendulums (`carried`).
 
-The ship's motion is a sum of harmonics, `sum a_k cos(w_k t + phase_k)` (`Harmonics`). The cosine of a long phase is only
-as good as the phase: w t of 25 000 rad as a double errs by 4e-12. The phase is therefore counted in turns, with the
-frequency (turns a second) and the time split into halves whose products are exact, whole turns dropped, and the cosine
-of what is left summed as a polynomial without any branch, so that the compiler puts several harmonics into one vector
-instruction.
+The ship's motion is a sum of harmonics, `sum a_k cos(w_k t + phase_k)` (`Harmonics`). The cosine of a long phase is
+only as good as the phase: w t of 25 000 rad as a double errs by 4e-12. The phase is therefore counted in turns, as
+exact products of halves, whole turns dropped, and the cosine of the rest summed as a polynomial without any branch.
 
-A system that has `kicks` (`Impulses`) halts a step at each; for all others, and for `kicks = None`, nothing is compiled.
+A system that has `kicks` (`Impulses`) halts a step at each; for `kicks = None` nothing is compiled.
 """
-
-from __future__ import annotations
 
 import math
 from fractions import Fraction

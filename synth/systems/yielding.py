@@ -28,8 +28,6 @@ below 1, as it is for every real board (b = m x (lever)/(total mass)). A horizon
 nothing: the board rolls and stays behind, metronomes with it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

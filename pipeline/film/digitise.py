@@ -74,10 +74,6 @@ def digitise(
         The image cannot be read.
     RefusedError, RecordError
         It shows no film that can be read with certainty.
-
-    Examples
-    --------
-    >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
     """
     found, known = read(paths, description, options, edits=edits, rows=rows, jobs=jobs, progress=progress)
     return make_record(found, known, film_stem(found.scan.paths[0]))
@@ -126,10 +122,8 @@ def open_film(
 def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     """Turn a reading into a record, called `name` where the description gives no identifier.
 
-    Elongations, rad, count from each trace's mean place, as the film shows no vertical.
-
-    `RecordError`: the traces found are not those described; `UsageError`: several traces, but no periods or no gravity
-    at which they hold.
+    Elongations, rad, count from each trace's mean place. `RecordError`: the traces found are not those described;
+    `UsageError`: several traces, but no periods or no gravity at which they hold.
     """
     import xarray as xr
 
@@ -207,10 +201,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
 
 
 def courses(reading: Reading, order: list[int]) -> tuple[Floats, Floats]:
-    """Times, s, and columns of the traces in an order, px, of a film that was read at the marks: more than these show.
-
-    Its traces' courses, where rows were read; else the places at the marks.
-    """
+    """Times, s, and columns of traces in an order, px: the courses, where rows were read; else places at the marks."""
     tracks, seconds = reading.tracks, reading.axis.seconds
     if not np.isfinite(tracks.position).any():
         return reading.samples.time, reading.samples.column[order]
@@ -251,11 +242,7 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
 
 
 def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
-    """Numbers of a reading and of its record, plain.
-
-    Keys: record_id, traces, samples, duration_s, reading, accepted_fraction, missing_fraction (of the samples, by
-    trace), marks, speed_mm_s, scale_mm_px, skew_degrees, time_sigma_s, flags, notes, assumed.
-    """
+    """Numbers of a reading and of its record, plain; missing_fraction is of the samples, by trace."""
     traces, film = record["record"].dataset, record["film"].dataset.attrs
     labels = [str(label) for label in traces["trace"].values]
     missing = np.isnan(traces["elongation"].values).mean(axis=1)

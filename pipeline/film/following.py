@@ -47,11 +47,7 @@ class FilmTraces:
     placed: Placed = NO_EDITS  # a person's edits
 
     def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
-        """The same as a person's edits make it.
-
-        `RecordError`: they are of another scan, lie outside it, or name a trace that is not there; `RefusedError`: a
-        trace is to be followed on a film that is too slow for it.
-        """
+        """The same as edits make it; `RecordError`: they are another film's; `RefusedError`: it is too slow."""
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)
         following, search, spans = self.following, self.search, []
@@ -78,13 +74,7 @@ class FilmTraces:
         return replace(self, tracks=tracks, following=following, search=search, placed=placed)
 
     def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
-        """When each row of the film was exposed, by gaps in its traces or by marks beside them.
-
-        What marks the film is as described. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
-
-        `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
-        down; `RecordError`: a person's marks contradict each other.
-        """
+        """When each row was exposed, by marks as described, else dark lines, gaps, the rest; raises as `axis_of`."""
         if self.following is not None:
             replace(self.following, tracks=self.tracks).checked()
         marking, search = known.marking(self.scan.scale, self.scan.directed), self.search
@@ -144,13 +134,7 @@ def _kind_of(marking: Marking, film: FilmEmulsion) -> str:
 
 
 def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
-    """Whether traces are followed as dense bands, first and, where that is refused, second; `speed` in rows a second.
-
-    Examples
-    --------
-    >>> ways_to_follow("auto", 17.7), ways_to_follow("continuous", 17.7), ways_to_follow("auto", 59.1)
-    ((True, False), (False,), (False,))
-    """
+    """Whether traces are followed as dense bands, first and, if that is refused, second; `speed` in rows a second."""
     if reading == "continuous" or (speed is not None and speed >= SLOW):
         return (False,)
     return (True, False) if speed is not None else (False, True)
@@ -163,10 +147,7 @@ def find_time(
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> tuple[FilmTraces, TimeAxis | RefusedError]:
-    """The film turned the right way with its traces, and its time or why that is refused; as of `digitise.read`.
-
-    `RefusedError`: no trace can be followed.
-    """
+    """The film turned the right way, and its time or why that is refused; `RefusedError`: no trace can be followed."""
     from pipeline.film.scan.opening import cause_in
 
     _ = known.traces  # names that cannot be meant are told before any work

@@ -1,7 +1,6 @@
 """What the stages of reading a film hand to each other.
 
-Pixels count from the image's edges: pixel i reaches from i to i + 1 and has its centre at i + 0.5. Rows run along the
-film with time, columns across it.
+Pixel i reaches from i to i + 1, its centre is i + 0.5. Rows run along the film with time, columns across it.
 """
 
 from __future__ import annotations

@@ -56,10 +56,7 @@ class Reading:
 
     @property
     def marks(self) -> NDArray[np.int64]:
-        """Numbers of the marks that a trace shows.
-
-        A mark in the turning points of all traces may be too faint to be searched for, and yet be read where it is due.
-        """
+        """Numbers of the marks that a trace shows: one too faint for the search is yet read where it is due."""
         return np.union1d(self.axis.index, self.strobe.index[np.isfinite(self.strobe.position).any(axis=0)])
 
     @property
@@ -85,10 +82,7 @@ class Reading:
 
 
 def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1) -> Reading:
-    """The samples of a film whose traces and time are known.
-
-    `RefusedError`: nothing of a trace could be read; `RecordError`: nothing says how large a pixel is.
-    """
+    """The samples of a film; `RefusedError`: nothing of a trace was read; `RecordError`: no pixel size is known."""
     from pipeline.film.marks.strobe import read_at_marks
 
     scan, tracks, reading = traces.scan, traces.tracks, known.options.reading
@@ -171,13 +165,7 @@ def _rate(tracks: Tracks, axis: TimeAxis) -> float:
 
 
 def share_read(kind: str, accepted: float, missing: float) -> str:
-    """How much was read, in words: of the rows or, at the marks alone, of the places there.
-
-    Examples
-    --------
-    >>> share_read("continuous", 0.9, 0.02), share_read("strobe", 0.0, 0.02)
-    ('90.0 % of the rows read', '98.0 % of the places at the marks read')
-    """
+    """How much was read, in words: of the rows or, at the marks alone, of the places there."""
     if kind == "strobe":
         return f"{100.0 * (1.0 - missing):.1f} % of the places at the marks read"
     return f"{100.0 * accepted:.1f} % of the rows read"

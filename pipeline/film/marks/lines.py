@@ -1,8 +1,7 @@
 """Marks that lie not in the traces but beside them: lines across the film, dark or bright, and ticks at its edge.
 
-Film that no trace sweeps shows them, group by group of columns, as each row's median; lines slant with the image, and
-the slant under which most groups agree is its shear. What the groups share then, row by row, is the light of the marks,
-and every peak of it is fitted.
+Film that no trace sweeps shows them, as each row's median over groups of columns. The slant under which most groups
+agree is the shear; what they share, row by row, is the light of the marks, and every peak of it is fitted.
 """
 
 from __future__ import annotations
@@ -103,10 +102,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
 
 
 def ticks(light: Light, rows: int, free: Rows) -> Lines:
-    """Marks on a strip of the columns `free`, which no trace sweeps.
-
-    `RefusedError`: there are none.
-    """
+    """Marks on a strip of the columns `free`, which no trace sweeps; `RefusedError`: there are none."""
     runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     groups = np.concatenate([run[: run.size // TICK * TICK].reshape(-1, TICK) for run in runs])
     pieces = sections(rows)
@@ -217,10 +213,7 @@ def fitted(lines: Lines) -> Gaps:
 
 
 def widened(marks: Gaps) -> Floats:
-    """Rows of marks broader than those around them, though not by as much as long ones: the paper may have stood there.
-
-    On a dark line that is black anyway, more light shows in no other way; it may be a false mark's, too.
-    """
+    """Rows of marks a little broader than those around: on a dark line a stand of the paper shows in no other way."""
     from scipy.ndimage import median_filter
 
     more = marks.width / median_filter(marks.width, NEIGHBOURS, mode="nearest") - 1.0

@@ -1,7 +1,6 @@
 """Image files as rows of grey, and views of them.
 
-TIFF and BigTIFF are decoded a strip or a row of tiles at a time, all others whole, by Pillow. tifffile reads where the
-pixels of a TIFF are kept, which is checked against the file.
+TIFFs are decoded by strips or rows of tiles, from where tifffile says these lie, if that holds; others by Pillow.
 """
 
 from __future__ import annotations
@@ -86,10 +85,7 @@ def turned(image: Image, turn: str) -> Image:
 
 
 def transposed(image: Image) -> Image:
-    """An image whose columns have become rows, kept in a temporary file that goes with it.
-
-    The file holds chunks of rows one after the other, each transposed: it is written in order.
-    """
+    """An image whose columns have become rows, kept as transposed chunks in a temporary file that goes with it."""
     kind, rows, columns = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16), image.columns, image.rows
     chunk = max(16, CHUNK // (rows * kind.itemsize))
     try:
@@ -140,11 +136,7 @@ def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
 
 
 def to_grey(pixels: Pixels) -> Pixels:
-    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
-
-    >>> to_grey(np.array([[[255, 255, 255], [0, 0, 0]]], dtype=np.uint8)).tolist()
-    [[255, 0]]
-    """
+    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out."""
     if pixels.shape[2] < 3:
         return pixels[:, :, 0]
     luma = np.full(pixels.shape[:2], 32768, dtype=np.uint32)  # 65535 * 65536 + 32768 fits
@@ -154,10 +146,7 @@ def to_grey(pixels: Pixels) -> Pixels:
 
 
 def open_whole(path: Path, kind: str) -> ImageFile:
-    """Decode an image file of `kind` "PNG", "JPEG" or "TIFF": Pillow's guess would try every format it knows.
-
-    Raises `FileError` where it is damaged, of an unknown mode, or too large to be decoded whole.
-    """
+    """Decode a file of `kind` PNG, JPEG or TIFF alone; `FileError`: damaged, of an unknown mode, or too large."""
     # Pillow's general reader refuses large images, which films are, by a global limit
     name = {"PNG": "Png", "JPEG": "Jpeg", "TIFF": "Tiff"}[kind]
     opener = getattr(importlib.import_module(f"PIL.{name}ImagePlugin"), f"{name}ImageFile")
@@ -194,11 +183,7 @@ def _short(fault: Exception) -> str:
 
 
 def open_tiff(path: Path) -> ImageFile:
-    """Open the largest image of a TIFF; what `Tiff` cannot decode piece by piece Pillow takes whole, if small.
-
-    Raises `FileError` where the file is damaged, holds several images, or pixels that are no whole numbers of 8 or 16
-    bits.
-    """
+    """Open the largest image of a TIFF, by Pillow if small; `FileError`: damaged, several images, not 8 or 16 bit."""
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what matters is raised here, in one line
@@ -228,8 +213,7 @@ def open_tiff(path: Path) -> ImageFile:
 class Tiff:
     """A TIFF on the disk, of which nothing is held but the bands of rows last decoded; any number of threads may read.
 
-    A band is a row of tiles, or a strip, which is a tile as wide as the image: `segment` is the shape of either. Plane
-    by plane and band by band, they lie at `offsets` in the file, `sizes` bytes each.
+    A band is a row of tiles or a strip, `segment` the shape of either; they lie at `offsets`, `sizes` bytes each.
     """
 
     def __init__(self, path: Path, page: Any, byteorder: str) -> None:
@@ -251,10 +235,7 @@ class Tiff:
         self.upright = page.tags.valueof(ORIENTATION, default=1)
 
     def check(self) -> None:
-        """Raise `FileError` where the tags contradict each other or the file's length.
-
-        Strips of any height that follow each other without compression are taken for lower ones.
-        """
+        """Raise `FileError` where tags contradict each other or the file; split plain strips into lower ones."""
         length, (height, width, together) = self.path.stat().st_size, self.segment
         across = -(-self.columns // width)
         count = -(-self.rows // height) * across * (self.channels // together)

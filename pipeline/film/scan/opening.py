@@ -112,23 +112,10 @@ def open_scan(
 ) -> OpenScan:
     """Open the image of a film, or overlapping strips of it in order; only a few pieces of them are read.
 
-    Parameters
-    ----------
-    paths : path or sequence of path
-    dpi : float, optional
-        Pixels per inch; left out: as the files say.
-    orientation : {"auto", "0", "90", "180", "270"}
-        Degrees by which it is turned clockwise so that time runs downwards; auto puts the long side down, its left end
-        up.
-    lines : {"auto", "dark", "light"}
-        Dark on light film or light on dark film; auto: what departs from the blank film decides.
-
-    Raises
-    ------
-    UsageError
-        No file is named, or an option cannot be meant.
-    FileError
-        A file cannot be read, is no image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
+    `dpi`, pixels per inch, is by default as the files say. `orientation` are degrees by which the image is turned
+    clockwise so that time runs down; auto puts the long side down, its left end up. `lines` are dark or light; auto: by
+    what departs from blank film. `UsageError`: no file is named, or an option cannot be meant; `FileError`: one is no
+    image that can be read (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
     """
     if dpi is not None and not 10.0 <= dpi <= 20_000.0:
         raise UsageError(f"dpi {dpi:g}: give 10 to 20000 pixels per inch")
@@ -211,10 +198,7 @@ def without_border(image: Image) -> Image:
 
 
 def border_of(image: Image) -> tuple[Edge | None, Edge | None]:
-    """The film's left and right edge where the scanner's border lies beside it.
-
-    The border is lighter or darker than blank film, and straight but perhaps oblique.
-    """
+    """The film's left and right edge, straight but perhaps oblique, where a lighter or darker border lies beside."""
     height = min(PROFILE_ROWS, image.rows)
     starts = _spread(image.rows - height, PROFILES)
     profiles = np.array([np.median(image.read(a, a + height), axis=0) for a in starts], dtype=np.float64)
@@ -240,11 +224,7 @@ def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], limit: float
 
 
 def _width(profile: NDArray[np.float64], limit: float) -> int:
-    """Columns of border at the left of a profile, 0 if there is none.
-
-    An edge is a step between a few pixels, beyond which the level never comes back halfway: a vignette has no step,
-    and beside a scratch there is film again.
-    """
+    """Columns of border at the left of a profile, up to a step beyond which the level never comes back halfway."""
     step = profile[SHARP:] - profile[:-SHARP]
     for edge in np.flatnonzero(np.abs(step[: int(WIDEST * profile.size)]) > limit)[::-1].tolist():
         film = float(np.median(profile[edge + SHARP : edge + SHARP + 60]))
@@ -255,10 +235,7 @@ def _width(profile: NDArray[np.float64], limit: float) -> int:
 
 
 def lines_are_light(image: Image) -> bool | None:
-    """Whether what departs from the blank film is lighter than it; film is mostly blank. None: nothing departs.
-
-    Dust and scratches depart both ways; lines are the most of what departs.
-    """
+    """Whether the most of what departs from the blank film is lighter than it; None: nothing departs."""
     darker, lighter = 0.0, 0.0
     height = min(SAMPLE_ROWS, image.rows)
     for first in _spread(image.rows - height, SAMPLES):

@@ -32,11 +32,7 @@ class Gravity:
 
 
 def going_on(record: DataTree, last: Joint | None) -> Gravity:
-    """Gravity by the explanation of an earlier reduction, fitted to other readings of the same film.
-
-    What other explanations, gaps and doubts added to value and sigma there is added here. Nothing is told where the
-    record reaches over another time: its path is another.
-    """
+    """Gravity by an earlier reduction, refitted, its additions kept; none where the record reaches over other times."""
     if last is None or last.reduction.gravity is None:
         return Gravity()
     old = last.outcome.fit

@@ -76,11 +76,7 @@ class Session:
         jobs: int = 1,
         progress: Progress | None = None,
     ) -> Session:
-        """Follow the traces of a film; its edits are taken up where their file is there.
-
-        `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
-        another scan.
-        """
+        """Follow a film's traces, take up its edits; `FileError`, `RefusedError`; `RecordError`: of another scan."""
         path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None
         if made is not None:
@@ -124,10 +120,7 @@ class Session:
         }
 
     def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
-        """Add an edit, or several as one step, read their stretches again, and give the state.
-
-        `RecordError`: it cannot be meant; nothing is changed.
-        """
+        """Add an edit, or several as one step; the new state. `RecordError`: it cannot be meant, nothing changes."""
         own = {"by": self.who, "at": datetime.now(UTC).isoformat(timespec="seconds")}
         made = [{key: value for key, value in each.items() if value is not None} | own for each in edits]
         content = self.edits.model_dump(mode="json")

@@ -162,11 +162,7 @@ def _predict(begun: Filter, i: int, order: int, lens: Lens, lines: Floats, piece
 
 @kernel
 def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, lines: Floats) -> Piece:
-    """Follow all traces over a piece of film, along it (order 1) or against it (-1).
-
-    `begun` is the filter before the first row to be read, and is overwritten by that after the last; `lines` (traces,
-    rows) are columns where a person says that traces run, NaN elsewhere, or `NO_LINES`.
-    """
+    """Follow all traces along (1) or against (-1) a piece, on `lines` if any; `begun` becomes the filter after it."""
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
     rows, traces, spot, shear = darkness.shape[0], alive.size, lens.spot, lens.shear
     piece, prior = _blank_piece(traces, rows), np.ones((traces, 2))

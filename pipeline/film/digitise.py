@@ -1,7 +1,5 @@
 """`digitise`: the image of a film becomes a record: angles, uncertainty, flags, and where they come from."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,7 +39,7 @@ def digitise(
     rows: tuple[int, int | None] | None = None,
     jobs: int = 1,
     progress: Progress | None = None,
-) -> xr.DataTree:
+) -> "xr.DataTree":
     """Read the image of a film into a record.
 
     Parameters
@@ -119,7 +117,7 @@ def open_film(
     return open_scan(paths, dpi=known.dpi, orientation=orientation, lines=lines), known
 
 
-def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
+def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
     """Turn a reading into a record, called `name` where the description gives no identifier.
 
     Elongations, rad, count from each trace's mean place. `RecordError`: the traces found are not those described;
@@ -241,7 +239,7 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
 
 
-def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
+def summary(record: "xr.DataTree", reading: Reading) -> dict[str, Any]:
     """Numbers of a reading and of its record, plain; missing_fraction is of the samples, by trace."""
     traces, film = record["record"].dataset, record["film"].dataset.attrs
     labels = [str(label) for label in traces["trace"].values]

@@ -3,8 +3,6 @@
 Edits apply to the reading of the untouched film: the same edits give the same numbers whenever they were made.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -206,7 +204,7 @@ class Clock(NamedTuple):
     time: Floats
 
     @staticmethod
-    def of(marks: MarkEdits, tracks: Tracks, alignment: Alignment, interval: float) -> Clock:
+    def of(marks: MarkEdits, tracks: Tracks, alignment: Alignment, interval: float) -> "Clock":
         """Those that were said; `RecordError` where one is no whole number of intervals from the begin."""
         said = marks.there[np.isfinite(marks.there[:, 2])]
         time = said[:, 2] / interval

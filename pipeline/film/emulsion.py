@@ -4,8 +4,6 @@ Blank film shows fog, vignette and an uneven lamp, place by place. Lines would d
 taken of what lies about the middle, clipped again and again.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
@@ -54,7 +52,7 @@ class Optics:
 
     spot: float  # px, 1 sigma of the spot as the scan shows it
     shear: float  # rows by which the image lags per column
-    curve: ToneCurve  # darkness above blank against exposure
+    curve: "ToneCurve"  # darkness above blank against exposure
     grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
 
     @cached_property
@@ -68,7 +66,7 @@ class FilmEmulsion(Optics):
     """How light became pixels: blank film, grain, characteristic curve; spot and shear are 0 where not known."""
 
     full_scale: int  # value of the lightest pixel
-    blank: Blank  # darkness of blank film, place by place
+    blank: "Blank"  # darkness of blank film, place by place
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
     swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels

@@ -1,7 +1,5 @@
 """A film whose traces were followed, and its time: as it lies, with a person's edits, and turned the right way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError, RefusedError
+from data_schemas.film_edits import FilmEdits
 from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known, film_scale
@@ -25,7 +24,6 @@ from pipeline.film.scan.opening import OpenScan, lines_are_light
 from pipeline.film.wander import exchanged
 
 if TYPE_CHECKING:
-    from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
@@ -41,12 +39,12 @@ class FilmTraces:
     scan: OpenScan  # as it was read: turned, if it lay upside down
     emulsion: Emulsion
     tracks: Tracks
-    following: Following | None  # what it takes to follow a stretch once more; None for dense bands
+    following: "Following | None"  # what it takes to follow a stretch once more; None for dense bands
     film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
     search: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
     placed: Placed = NO_EDITS  # a person's edits
 
-    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
+    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> "FilmTraces":
         """The same as edits make it; `RecordError`: they are another film's; `RefusedError`: it is too slow."""
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)

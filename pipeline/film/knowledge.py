@@ -1,7 +1,5 @@
 """What is known of a film before it is read: its description, what the user says instead, and the instrument."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -140,7 +138,7 @@ class Known:
 
     def instrument(
         self, pendulums: Sequence[Any], time: Floats, clock: float | None, scale: float | None, *, needed: bool
-    ) -> xr.Dataset | None:
+    ) -> "xr.Dataset | None":
         """The group /instrument of a record; None where nothing is known of it nor needed.
 
         `time` (samples,) is the record's, s; `clock`, s a day, the time axis's own error, in which the samples' has no

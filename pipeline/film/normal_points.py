@@ -11,8 +11,6 @@ scatter of sums over two seconds, and from what neighbours share. The film is fl
 out, or so many beyond three sigma, as happens in one honest film of four hundred.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pixel i reaches from i to i + 1, its centre is i + 0.5. Rows run along the film with time, columns across it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -42,7 +40,7 @@ class Tracks:
     shear: float = 0.0  # rows by which the image lags per column, as the swings show it
 
     @staticmethod
-    def empty(traces: int, rows: int, rows_per_swing: float, spot: float, shear: float = 0.0) -> Tracks:
+    def empty(traces: int, rows: int, rows_per_swing: float, spot: float, shear: float = 0.0) -> "Tracks":
         """Nothing read yet."""
         a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
         return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot, shear)

@@ -1,23 +1,18 @@
 """The reading of a film in one screen: emulsion, traces, time, places at the marks, samples."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError, UsageError
+from data_schemas.film_edits import FilmEdits
 from pipeline.film.following import SLOW, FilmTraces
 from pipeline.film.knowledge import Known, film_scale
 from pipeline.film.marks.search import GapSearch
 from pipeline.film.normal_points import PhaseDifference, compare, normal_points
 from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
-
-if TYPE_CHECKING:
-    from data_schemas.film_edits import FilmEdits
 
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
@@ -46,7 +41,7 @@ class Reading:
     left_out: frozenset[int] = frozenset()  # traces that a person ignores
     edits: FilmEdits | None = None  # what a person corrected
 
-    def between(self, start: float, stop: float) -> Reading:
+    def between(self, start: float, stop: float) -> "Reading":
         """The same with the samples of a stretch of time alone, s; `UsageError` where there are none."""
         samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
         if not inside.any():

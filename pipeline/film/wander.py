@@ -5,8 +5,6 @@ Steps are sharper than any swing, creases are gone after some millimetres; what 
 wander. Steps and wander are taken off, samples on a crease are left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -39,7 +37,7 @@ class Paper(NamedTuple):
     steps: tuple[float, ...]  # s, when
     creases: int
 
-    def at(self, instants: Floats, time: Floats) -> Paper:
+    def at(self, instants: Floats, time: Floats) -> "Paper":
         """The same at other instants than those of the samples, `time`, s."""
         near = np.searchsorted(0.5 * (time[1:] + time[:-1]), instants)
         return self._replace(shift=np.interp(instants, time, self.shift), creased=self.creased[near])

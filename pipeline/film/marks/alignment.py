@@ -7,8 +7,6 @@ Where the paper stood, the light wrote the whole swing of every trace across a f
 how long, to a third.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -61,15 +59,15 @@ class Gaps:
     misfit: Floats  # mean square of the pixels' residuals over that of their grain
 
     @staticmethod
-    def of(trace: Whole, fitted: Floats) -> Gaps:
+    def of(trace: Whole, fitted: Floats) -> "Gaps":
         """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
         return Gaps(trace, *fitted.T.copy())
 
-    def pick(self, which: NDArray[np.bool_] | Whole) -> Gaps:
+    def pick(self, which: NDArray[np.bool_] | Whole) -> "Gaps":
         """Some of them."""
         return Gaps(*(each[which] for each in vars(self).values()))
 
-    def joined_by(self, more: Gaps) -> Gaps:
+    def joined_by(self, more: "Gaps") -> "Gaps":
         """Both, in order of their rows."""
         both = Gaps(*(np.concatenate(each) for each in zip(vars(self).values(), vars(more).values(), strict=True)))
         return both.pick(np.argsort(both.row, kind="stable"))

@@ -4,8 +4,6 @@ The drive's model takes errors for independent from mark to mark. Dirt, bends of
 but the paper moves all traces at once: what lasts in their differences is error.
 """
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

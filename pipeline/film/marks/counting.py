@@ -5,8 +5,6 @@ passed over, speed unlike that of the step before, and pendulums that did not sw
 are a second clock: their phase advances alike to 1e-3 from mark to mark, whatever the paper does.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -134,7 +132,7 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
     return out, extra
 
 
-def jumps(count: Count, swings: Swings) -> Floats:
+def jumps(count: "Count", swings: Swings) -> Floats:
     """Jump of the pendulums' phase at each mark, the smallest of all traces, rad; 0 where it is not known."""
     index, out = count.index, np.full((len(swings.phase), count.index.size), np.inf)
     for trace, (phase, advance) in enumerate(zip(swings.centred[:, count.event], swings.advance, strict=True)):
@@ -170,7 +168,7 @@ class Count:
     index: Whole  # (marks,), their numbers from 0 on
     lead: Floats  # (marks - 1,), of the count to the next mark before any other, as a difference of chi squares
 
-    def part(self, first: int, stop: int) -> Count:
+    def part(self, first: int, stop: int) -> "Count":
         """Some of the marks."""
         return Count(self.event[first:stop], self.index[first:stop], self.lead[first : stop - 1])
 

@@ -5,8 +5,6 @@ the mean places of the rows' light, are fitted to the film and blended; those th
 their neighbours lead, are left out. The pixels' darkness against the curves' light is the characteristic curve.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

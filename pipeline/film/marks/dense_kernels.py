@@ -5,8 +5,6 @@ block. The whole block is drawn and compared with the film; residuals along the 
 side, and least squares a better curve (Gauss-Newton), beginning from the mean places of the rows' light.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

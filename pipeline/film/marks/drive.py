@@ -5,8 +5,6 @@ catches, and damped rotating pairs at the frequencies that stand out. Strengths 
 the most likely ones. With the first walk alone the times of a rough drive are worse than they say.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass, replace

@@ -9,8 +9,6 @@ Where the slit stands askew, by `shear` rows a column, a line of slope v runs 1 
 bright it is, and the middle of the closed time is not that of the gap's rows.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Film that no trace sweeps shows them, as each row's median over groups of column
 agree is the shear; what they share, row by row, is the light of the marks, and every peak of it is fitted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -74,7 +72,7 @@ class Lines(NamedTuple):
         top = top[self.light[top] > USUAL * np.median(self.light[top])] if top.size else top
         return top, peak_widths(self.light, top)[0]
 
-    def cleared(self) -> Lines:
+    def cleared(self) -> "Lines":
         """The same with what the usual marks' light is."""
         top, breadth = self.marks()
         usual = self.light[top] < ODD * np.median(self.light[top])

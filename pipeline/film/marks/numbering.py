@@ -4,8 +4,6 @@ At each full minute the shutter closes otherwise: again a little later, for a lo
 code need not be known: whatever comes back every minute and nowhere else is one; backwards, a second gap comes first.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 from typing import NamedTuple

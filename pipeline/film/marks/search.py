@@ -4,8 +4,6 @@ Where the line's brightness falls for as long as the shutter closes and comes ba
 pixels; it is one if all of the light is gone, for the right time, and nothing else leaves a misfit (dust, other lines).
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import deque

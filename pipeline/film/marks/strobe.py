@@ -4,8 +4,6 @@ The place is the middle of the gap on the curve, by its two ends; no row enters,
 strokes it is good to a tenth of a pixel; in turning points it is that of the remainder around the gap.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ A trace leaves the same light in every row: the mean place of a row's light is t
 Where the slit stands askew, light of other times comes in, and that place swings with overtones no pendulum has.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 TIFFs are decoded by strips or rows of tiles, from where tifffile says these lie, if that holds; others by Pillow.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import importlib

@@ -1,7 +1,5 @@
 """One image file, or several overlapping strips, as one scan whose rows run with time and whose lines are dark."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from collections.abc import Sequence
@@ -78,7 +76,7 @@ class OpenScan:
         """Of the files, in order."""
         return tuple(file_sha256(path) for path in self.paths)
 
-    def part(self, first: int, stop: int | None) -> OpenScan:
+    def part(self, first: int, stop: int | None) -> "OpenScan":
         """Some rows of the same scan; `UsageError` where there are none."""
         last = self.rows if stop is None else min(stop, self.rows)
         if not 0 <= first < last:
@@ -86,13 +84,13 @@ class OpenScan:
         notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
         return replace(self, image=part_of(self.image, first, last), notes=notes)
 
-    def upside_down(self) -> OpenScan:
+    def upside_down(self) -> "OpenScan":
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
         degrees = (self.orientation + 180) % 360
         return replace(self, image=turned(self.image, CLOCKWISE[180]), notes=notes, orientation=degrees, directed=False)
 
-    def straightened(self, lean: float, shear: float) -> OpenScan:
+    def straightened(self, lean: float, shear: float) -> "OpenScan":
         """The same scan set upright: traces ran aside by `lean` columns a row, and lagged by `shear` rows a column."""
         if not (lean or shear):
             return self

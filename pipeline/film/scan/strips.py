@@ -4,8 +4,6 @@ A strip lies where its lines and its grain are those of the strip before. Swings
 whole overlap that they imply are aligned pixel by pixel, and the best must be better than all others by far.
 """
 
-from __future__ import annotations
-
 import cmath
 import itertools
 import math

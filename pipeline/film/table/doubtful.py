@@ -1,7 +1,5 @@
 """Places of a film that a person should look at, in order of what they may do to gravity."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Gravity of a record that changes while a person looks on: told at once from the last reduction, then reduced anew."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
@@ -31,7 +29,7 @@ class Gravity:
     refused: str | None = None
 
 
-def going_on(record: DataTree, last: Joint | None) -> Gravity:
+def going_on(record: "DataTree", last: Joint | None) -> Gravity:
     """Gravity by an earlier reduction, refitted, its additions kept; none where the record reaches over other times."""
     if last is None or last.reduction.gravity is None:
         return Gravity()
@@ -74,7 +72,7 @@ class Refining:
         """Whether a reduction is under way."""
         return self._reduction is not None
 
-    def begin(self, record: DataTree) -> None:
+    def begin(self, record: "DataTree") -> None:
         """Reduce a record; what was under way is stopped."""
         self.stop()
         self._reduction = self._pool.schedule(_reduce, args=[record.to_dict()])

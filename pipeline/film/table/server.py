@@ -1,7 +1,5 @@
 """The server of the table: to whom it answers (`guarded`), what (`Desk`), and until when (`serve`)."""
 
-from __future__ import annotations
-
 import contextlib
 import hmac
 import json
@@ -49,7 +47,7 @@ _HEADERS = {
 class Desk:
     """Brings requests, each in a thread of its own, to the session: one change at a time, and one look beside it."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: "Session") -> None:
         self.session = session
         self.end: Callable[[], object] = lambda: None
         self._editing, self._using, self._looking = threading.Lock(), threading.Lock(), threading.Lock()
@@ -213,7 +211,7 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
 
 
 def serve(
-    session: Session, *, port: int = 0, browser: bool = True, ready: Callable[[str], object] | None = None
+    session: "Session", *, port: int = 0, browser: bool = True, ready: Callable[[str], object] | None = None
 ) -> None:
     """Serve a session on 127.0.0.1 until the person is done, or Ctrl-C. The address, with its token, goes to stderr.
 

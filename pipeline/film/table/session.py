@@ -4,8 +4,6 @@ An edit follows the stretches that it touches once more, and estimates gravity a
 whole reduction follows in a process of its own, which the next edit ends.
 """
 
-from __future__ import annotations
-
 import getpass
 import io
 import os
@@ -53,7 +51,7 @@ class Session:
     jobs: int
     reading: Reading | None = None
     refusal: IsochronyError | None = None
-    record: DataTree | None = None  # as it is now; None where the film is refused
+    record: "DataTree | None" = None  # as it is now; None where the film is refused
     saved_at: str | None = None
 
     def __post_init__(self) -> None:
@@ -75,7 +73,7 @@ class Session:
         who: str | None = None,
         jobs: int = 1,
         progress: Progress | None = None,
-    ) -> Session:
+    ) -> "Session":
         """Follow a film's traces, take up its edits; `FileError`, `RefusedError`; `RecordError`: of another scan."""
         path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None

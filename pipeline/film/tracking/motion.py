@@ -12,8 +12,6 @@ is 1 on the axis of a line at rest, 1/sqrt(1 + slope^2) on that of a straight li
 of the shutter. Steps of 1.25 spots along the trace make the sum as good as the integral: 1e-5.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

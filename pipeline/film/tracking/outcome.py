@@ -4,8 +4,6 @@ Gaps are estimated from a trace's brightness row by row, and fitted to the pixel
 light that is missing: its sum over the rows is the gap's length, its centre of gravity the middle; a first guess.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The harmonic Kalman filter, run over pieces and sections of film in either direction; both combined."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,7 +81,7 @@ class Filter(NamedTuple):
     memory: float  # share by which one row counts in `quality`
 
     @staticmethod
-    def idle(traces: int, period: float) -> Filter:
+    def idle(traces: int, period: float) -> "Filter":
         """A filter that follows nothing yet."""
         states, covariances = np.zeros((traces, STATES)), np.zeros((traces, STATES, STATES))
         alive, begins = np.zeros(traces, np.int64), np.full(traces, -1)
@@ -93,7 +91,7 @@ class Filter(NamedTuple):
         )
 
     @staticmethod
-    def of(swings: Sequence[Swing], row: float) -> Filter:
+    def of(swings: Sequence[Swing], row: float) -> "Filter":
         """A filter whose next step leads from `row` to the first row to be read."""
         out = Filter.idle(len(swings), float(np.median([swing.period for swing in swings])))
         for k, swing in enumerate(swings):
@@ -112,7 +110,7 @@ class Filter(NamedTuple):
         bend = BEND_GROWTH * amplitude**2 / period**5
         self.noise[trace] = bend, FREQUENCY_GROWTH / period**3, PAIR_GROWTH * amplitude**2 / period
 
-    def turned(self) -> Filter:
+    def turned(self) -> "Filter":
         """The same at the end of a piece, started again from where the traces are."""
         for k in np.flatnonzero(self.alive).tolist():
             self.restart(k, self.states[k].copy(), float(self.lamp[k]))

@@ -4,8 +4,6 @@ A line's exposure follows from its slope alone (dwell time), which runs from 0 a
 the middle: the pixels' darkness against the exposure that the spot must have left is the characteristic curve.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ Where a trace turns, its slope may be wrong by what the course is uncertain, and
 darkness, where the grain is normal, and not in exposure, where the toe of the curve would bend it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

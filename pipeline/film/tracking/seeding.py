@@ -4,8 +4,6 @@ Two turning points on one side and one on the other between them fix a harmonic 
 the paper is darker than on both sides: nothing but a swinging trace is so along 1.5 periods.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Pixels are decoded ahead, and rows are read behind, in any thread. Nothing but numbers per row is kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -90,7 +88,7 @@ class Following:
     behind: dict[int, Filter] = field(default_factory=dict)  # the same on the way back
 
     @staticmethod
-    def of(film: Film, section: Section) -> Following:
+    def of(film: Film, section: Section) -> "Following":
         """All traces of a section followed over the whole film, both ways."""
         traces, rows = len(section.swings), film.scan.rows
         tracks = Tracks.empty(traces, rows, film.period, film.optics.spot, film.optics.shear)
@@ -102,7 +100,7 @@ class Following:
         out.tracks = replace(tracks, rows_per_swing=usual_swing(tracks))
         return out
 
-    def again(self, edits: Placed, jobs: int = 1) -> Following:
+    def again(self, edits: Placed, jobs: int = 1) -> "Following":
         """The same with the stretches that a person edited followed once more."""
         traces, rows = self.followed.shape
         lines = edits.courses(traces, rows)

@@ -31,15 +31,10 @@ Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 def digitise(
-    paths: Paths,
-    description: FilmDescription | None = None,
-    *,
-    options: FilmOptions | None = None,
-    edits: FilmEdits | str | os.PathLike[str] | None = None,
-    rows: tuple[int, int | None] | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> "xr.DataTree":
+    paths: Paths, description: FilmDescription | None = None, *, options: FilmOptions | None = None,
+    edits: FilmEdits | str | os.PathLike[str] | None = None, rows: tuple[int, int | None] | None = None,
+    jobs: int = 1, progress: Progress | None = None,
+) -> "xr.DataTree":  # fmt: skip
     """Read the image of a film into a record.
 
     Parameters
@@ -78,15 +73,10 @@ def digitise(
 
 
 def read(
-    paths: Paths,
-    description: FilmDescription | None = None,
-    options: FilmOptions | None = None,
-    *,
-    edits: FilmEdits | str | os.PathLike[str] | None = None,
-    rows: tuple[int, int | None] | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> tuple[Reading, Known]:
+    paths: Paths, description: FilmDescription | None = None, options: FilmOptions | None = None, *,
+    edits: FilmEdits | str | os.PathLike[str] | None = None, rows: tuple[int, int | None] | None = None,
+    jobs: int = 1, progress: Progress | None = None,
+) -> tuple[Reading, Known]:  # fmt: skip
     """Read the image of a film, without making a record of it; parameters and faults as of `digitise`."""
     edits, options = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits, options or FilmOptions()
     if edits is not None:  # rows and columns count on the scan turned so

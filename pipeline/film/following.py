@@ -20,7 +20,7 @@ from pipeline.film.marks.lines import NoMarksError, fitted, ticks
 from pipeline.film.marks.numbering import TimeReversedError, shear_of_marks
 from pipeline.film.marks.search import ROWS, GapSearch, find_gaps, over_pieces, search_gaps
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.scan.opening import OpenScan, lines_are_light
+from pipeline.film.scan.opening import OpenScan, cause_in, lines_are_light
 from pipeline.film.wander import exchanged
 
 if TYPE_CHECKING:
@@ -139,15 +139,9 @@ def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
 
 
 def find_time(
-    scan: OpenScan,
-    known: Known,
-    edits: FilmEdits | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
+    scan: OpenScan, known: Known, edits: FilmEdits | None = None, jobs: int = 1, progress: Progress | None = None
 ) -> tuple[FilmTraces, TimeAxis | RefusedError]:
     """The film turned the right way, and its time or why that is refused; `RefusedError`: no trace can be followed."""
-    from pipeline.film.scan.opening import cause_in
-
     _ = known.traces  # names that cannot be meant are told before any work
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")

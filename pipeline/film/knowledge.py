@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
-NOTHING = FilmDescription.model_construct(traces=(), pendulums=())
-"""The description of a film of which nothing is described."""
-
+NOTHING = FilmDescription.model_construct(traces=(), pendulums=())  # of a film of which nothing is described
 READINGS = ("auto", "continuous", "strobe")
 
 

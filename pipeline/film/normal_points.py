@@ -59,7 +59,6 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
     rows = np.flatnonzero(accepted)
     rows = rows[np.argsort(sample[rows], kind="stable")]  # shear may turn steep strokes back in time
     weight, departure, at = tracks.sigma[trace][rows] ** -2.0, departure[rows], sample[rows]
-
     period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
     length = max(2, round(BLOCK_SWINGS * period * rate))  # samples in a block
     start, span = (first - 0.5) / rate, length / rate

@@ -17,11 +17,9 @@ class Emulsion(Protocol):
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
-        ...
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure, at that exposure."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -92,13 +92,9 @@ def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool
 
 
 def sideways(
-    part: Callable[[Floats, Floats, float], Floats | None],
-    least: float,
-    time: Floats,
-    column: Floats,
-    differences: NDArray[np.bool_],
-    period: float,
-) -> tuple[Floats | None, bool]:
+    part: Callable[[Floats, Floats, float], Floats | None], least: float, time: Floats, column: Floats,
+    differences: NDArray[np.bool_], period: float,
+) -> tuple[Floats | None, bool]:  # fmt: skip
     """A part of the differences' motion, (samples,) px, None under `least`, 1 sigma; if all others move as much."""
     known = [each for each in (part(time, own, period) for own in column[differences]) if each is not None]
     aside = np.mean(known, axis=0) if known else np.zeros(1)

@@ -121,9 +121,8 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
         inside = np.abs(carried) <= FARTHEST * half
         for which in np.unique(speed[inside]):
             turn = 2.0 * np.pi / (tracks.rows_per_swing * which * STEP)
-            taps = np.linalg.pinv(
-                np.stack([np.cos(turn * x), np.sin(turn * x), *[(x / half) ** k for k in range(4)]]).T
-            )
+            terms = np.stack([np.cos(turn * x), np.sin(turn * x), *[(x / half) ** k for k in range(4)]])
+            taps = np.linalg.pinv(terms.T)
             at = np.flatnonzero(inside & (speed == which))
             cos, sin = taps[:2] @ course[near[at][:, None] + np.arange(-half, half + 1)].T
             phase = np.arctan2(-sin, cos) + turn * carried[at]

@@ -137,10 +137,8 @@ def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     """Light of the blocks, 0 also for those that lie beside both their neighbours, or beside one and have no other."""
     away = np.linspace(0.25, 0.75, BETWEEN) * period
     good = light > 0.0
-    before, after = (
-        kernels.values(shape[:-1, None], away, period),
-        kernels.values(shape[1:, None], away - period, period),
-    )
+    before = kernels.values(shape[:-1, None], away, period)
+    after = kernels.values(shape[1:, None], away - period, period)
     across = np.median(np.abs(before[0] - after[0]) / np.sqrt(1.0 + before[1] ** 2), axis=1)
     agree = np.concatenate([[False], good[:-1] & good[1:] & (across < APART * spot), [False]])
     return np.where(good & (agree[:-1] | agree[1:]), light, 0.0)
@@ -158,11 +156,8 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
     weight = np.where(both, x * x * (3.0 - 2.0 * x), np.where(known, 0.0, 1.0))
     lean = np.where(both, 6.0 * x * (1.0 - x) / period, 0.0)
     bend = np.where(both, (6.0 - 12.0 * x) / period**2, 0.0)
-    here, there = (
-        kernels.values(shape[first], at - middle[first], period),
-        kernels.values(shape[second], at - middle[second], period),
-    )
-    apart = there - here
+    here = kernels.values(shape[first], at - middle[first], period)
+    apart = kernels.values(shape[second], at - middle[second], period) - here
     out = np.stack([*(here + weight * apart), light[first] + weight * (light[second] - light[first])])
     out[1] += lean * apart[0]
     out[2] += 2.0 * lean * apart[1] + bend * apart[0]

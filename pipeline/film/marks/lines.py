@@ -14,9 +14,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.film.marks.alignment import Gaps
 
-Light = Callable[[int, int], NDArray[np.float32]]
-"""Of the rows between two, (rows, columns): darkness above blank film, or exposure."""
-
+Light = Callable[[int, int], NDArray[np.float32]]  # of the rows between two, (rows, columns): darkness or exposure
 NONE = "film: no marks beside the traces were found; check that the film bears them, or state another mark_kind"
 GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ticks; fewest groups
 WIDE = 8  # groups that are looked at together at first

@@ -248,12 +248,9 @@ def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 
 
 
 def over_pieces(
-    scan: OpenScan,
-    emulsion: Emulsion,
-    work: Callable[[int, int, int, Exposure], Result],
-    jobs: int,
+    scan: OpenScan, emulsion: Emulsion, work: Callable[[int, int, int, Exposure], Result], jobs: int,
     spans: Spans | None = None,
-) -> list[Result]:
+) -> list[Result]:  # fmt: skip
     """What `work` makes of each piece of `spans`: rows `begin` to `stop`, first row of the exposure, exposure."""
 
     def one(begin_and_stop: tuple[int, int]) -> Result:
@@ -262,11 +259,8 @@ def over_pieces(
         return work(begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows)))
 
     spans = [(0, scan.rows - 1)] if spans is None else spans
-    return list(
-        in_order(
-            one, [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)], jobs
-        )
-    )
+    pieces = [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)]
+    return list(in_order(one, pieces, jobs))
 
 
 def spread_over(rows: int, number: int, *, inside: bool = False) -> list[int]:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from data_schemas.errors import FileError
 
 Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
-
 MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
 NO_COMPRESSION = 1
@@ -39,9 +38,8 @@ MOST_PAGES, SMALL = 16, 0.3  # of a file; pixels of its largest page, from which
 ORIENTATION = 274  # tag of TIFF and EXIF
 BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
 
+# rows and columns exchanged (t), then rows (r) and columns (c) reversed: by the orientation of TIFF and EXIF from 1 on
 TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")
-"""Rows and columns exchanged (t), then rows (r) and columns (c) reversed: what sets the rows of a file upright, by the
-orientation of TIFF and EXIF from 1 on."""
 CLOCKWISE = {0: "", 90: "tc", 180: "rc", 270: "tr"}  # Turns by degrees
 
 

@@ -102,12 +102,9 @@ class OpenScan:
 
 
 def open_scan(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    *,
-    dpi: float | None = None,
-    orientation: str = "auto",
-    lines: str = "auto",
-) -> OpenScan:
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *,
+    dpi: float | None = None, orientation: str = "auto", lines: str = "auto",
+) -> OpenScan:  # fmt: skip
     """Open the image of a film, or overlapping strips of it in order; only a few pieces of them are read.
 
     `dpi`, pixels per inch, is by default as the files say. `orientation` are degrees by which the image is turned

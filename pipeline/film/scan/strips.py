@@ -146,10 +146,8 @@ def place(before: Image, strip: Image) -> Placement:
     shifts = _shifts(_binned(before, first, before.rows), _binned(strip, 0, length))
     tried = [align(before, strip, complex(first + down * DOWN, across * ACROSS), ROUGHLY) for down, across in shifts]
     rough = sorted(tried, key=lambda each: -each.match)[:FINE]
-    fine = sorted(
-        (align(before, strip, each.offset, FINELY, each.turn) for each in rough), key=lambda each: -each.match
-    )
-    best, *others = fine or [Placement(0j, 0.0, 0.0)]
+    fine = [align(before, strip, each.offset, FINELY, each.turn) for each in rough] or [Placement(0j, 0.0, 0.0)]
+    best, *others = sorted(fine, key=lambda each: -each.match)
     return best._replace(second=max((each.match for each in others), default=0.0))
 
 

@@ -47,11 +47,8 @@ def going_on(record: "DataTree", last: Joint | None) -> Gravity:
     more = max(last.outcome.sigma**2 - spread**2, 0.0)
     own = float(np.sqrt(sigma**2 + more)) * max(choice.unexplained(fit), last.outcome.spread)
     ratio, total = 1.0 + (value - was) / last.outcome.mean, last.reduction.gravity
-    return Gravity(
-        total.gravity * ratio,
-        total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread)),
-        "joint, gone on with from the last reduction",
-    )
+    whole = total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread))
+    return Gravity(total.gravity * ratio, whole, "joint, gone on with from the last reduction")
 
 
 def _grid(problem: Problem) -> tuple[int, float, float]:

@@ -1,7 +1,6 @@
 """A film on the table: its edits, what they make of it, and what the page shows.
 
-An edit follows the stretches that it touches once more, and estimates gravity at once from the last reduction; the
-whole reduction follows in a process of its own, which the next edit ends.
+An edit gives gravity at once, from the last reduction; the whole one follows in a process that the next edit ends.
 """
 
 import getpass
@@ -65,15 +64,9 @@ class Session:
 
     @staticmethod
     def open(
-        paths: Sequence[Path],
-        description: FilmDescription | None = None,
-        options: FilmOptions | None = None,
-        *,
-        edits: Path | None = None,
-        who: str | None = None,
-        jobs: int = 1,
-        progress: Progress | None = None,
-    ) -> "Session":
+        paths: Sequence[Path], description: FilmDescription | None = None, options: FilmOptions | None = None, *,
+        edits: Path | None = None, who: str | None = None, jobs: int = 1, progress: Progress | None = None,
+    ) -> "Session":  # fmt: skip
         """Follow a film's traces, take up its edits; `FileError`, `RefusedError`; `RecordError`: of another scan."""
         path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None

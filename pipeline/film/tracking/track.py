@@ -206,13 +206,9 @@ class Following:
 
 
 def follow_traces(
-    scan: OpenScan,
-    emulsion: FilmEmulsion,
-    *,
-    count: int | None = None,
-    jobs: int = 1,
+    scan: OpenScan, emulsion: FilmEmulsion, *, count: int | None = None, jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
-) -> Following:
+) -> Following:  # fmt: skip
     """Find a film's traces, `count` if known, and follow them both ways; `RefusedError`: nothing swings, or fewer."""
     section = probe(scan, emulsion, count)
     if section is None:

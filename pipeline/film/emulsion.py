@@ -108,7 +108,7 @@ class FilmEmulsion(Optics):
     def clumped(self, slope: Floats) -> Floats:
         """Factor in the variance of a line's column on a row, by its slope, where grain is alike on pixels near by.
 
-        Two errors at the distance d with correlation r add `r (1 - d^2 / 2 s^2) exp(-d^2 / 4 s^2)`, s the cut's.
+        Errors at the distance d with correlation r add `r (1 - d^2 / 2 s^2) exp(-d^2 / 4 s^2)`, s the line's 1 sigma.
         """
         squares = np.square(np.arange(1, self.clumps.size)) / (self.spot**2 * (1.0 + slope[..., None] ** 2))
         added = self.clumps[1:] * (1.0 - 0.5 * squares) * np.exp(-0.25 * squares)

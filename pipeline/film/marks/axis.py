@@ -25,7 +25,7 @@ SHARED = 0.3  # of the marks' floor, where one trace shows the marks
 def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits = NO_MARKS) -> TimeAxis:
     """The time axis that gaps make, or marks across the film; `marks` are those that a person set.
 
-    `RefusedError`: no marks, or an uncertain number; `TimeReversedError`: upside down; `RecordError`: by `marks`.
+    `RefusedError`: no marks, or uncertain ones; `TimeReversedError`: upside down; `RecordError`: `marks` contradict.
     """
     counted, across = number_marks(search, tracks, marking, marks), search.across
     gaps, count, alignment, minutes = counted.gaps, counted.count, counted.alignment, counted.minutes

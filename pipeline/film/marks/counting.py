@@ -257,7 +257,7 @@ def list_steps(row: Floats, sigma: Floats, spacing: float, swings: Swings, break
 
 @kernel
 def count_marks(steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
-    """Least cost of all paths up to each step, and after it; the step before it. `first_of` each event's steps."""
+    """Least cost of all paths up to each step, and after it; the step before it; event k's begin at `first_of[k]`."""
     events, total, cost = steps.row.size, steps.cost.size, steps.cost
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     for k in range(total):

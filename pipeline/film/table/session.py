@@ -67,7 +67,7 @@ class Session:
         paths: Sequence[Path], description: FilmDescription | None = None, options: FilmOptions | None = None, *,
         edits: Path | None = None, who: str | None = None, jobs: int = 1, progress: Progress | None = None,
     ) -> "Session":  # fmt: skip
-        """Follow a film's traces, take up its edits; `FileError`, `RefusedError`; `RecordError`: of another scan."""
+        """Follow a film's traces, take up its edits; raises as `open_film`, `find_time`, `check_scan` of these."""
         path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None
         if made is not None:

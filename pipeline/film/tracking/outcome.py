@@ -216,7 +216,7 @@ def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: 
 
 
 def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
-    """The traces, by `misfit` (traces, rows) over the grain's; `RefusedError`: one hardly read, or two are one line."""
+    """The traces, if trusted by `misfit` (traces, rows); `RefusedError`: one is no line or hardly read, two are one."""
     most = UNLIKE * max(1.0, ROUGH / growth)
     for trace, each in enumerate(misfit):
         known = each[np.isfinite(each)]

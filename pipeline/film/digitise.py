@@ -1,7 +1,5 @@
 """`digitise`: the image of a film becomes a record: angles, uncertainty, flags, and where they come from."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,15 +31,10 @@ Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 def digitise(
-    paths: Paths,
-    description: FilmDescription | None = None,
-    *,
-    options: FilmOptions | None = None,
-    edits: FilmEdits | str | os.PathLike[str] | None = None,
-    rows: tuple[int, int | None] | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> xr.DataTree:
+    paths: Paths, description: FilmDescription | None = None, *, options: FilmOptions | None = None,
+    edits: FilmEdits | str | os.PathLike[str] | None = None, rows: tuple[int, int | None] | None = None,
+    jobs: int = 1, progress: Progress | None = None,
+) -> "xr.DataTree":  # fmt: skip
     """Read the image of a film into a record.
 
     Parameters
@@ -74,25 +67,16 @@ def digitise(
         The image cannot be read.
     RefusedError, RecordError
         It shows no film that can be read with certainty.
-
-    Examples
-    --------
-    >>> record = digitise("ship.film.tif", options=FilmOptions(traces=["1"]))  # doctest: +SKIP
     """
     found, known = read(paths, description, options, edits=edits, rows=rows, jobs=jobs, progress=progress)
     return make_record(found, known, film_stem(found.scan.paths[0]))
 
 
 def read(
-    paths: Paths,
-    description: FilmDescription | None = None,
-    options: FilmOptions | None = None,
-    *,
-    edits: FilmEdits | str | os.PathLike[str] | None = None,
-    rows: tuple[int, int | None] | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
-) -> tuple[Reading, Known]:
+    paths: Paths, description: FilmDescription | None = None, options: FilmOptions | None = None, *,
+    edits: FilmEdits | str | os.PathLike[str] | None = None, rows: tuple[int, int | None] | None = None,
+    jobs: int = 1, progress: Progress | None = None,
+) -> tuple[Reading, Known]:  # fmt: skip
     """Read the image of a film, without making a record of it; parameters and faults as of `digitise`."""
     edits, options = load_edits(edits) if isinstance(edits, str | os.PathLike) else edits, options or FilmOptions()
     if edits is not None:  # rows and columns count on the scan turned so
@@ -123,13 +107,11 @@ def open_film(
     return open_scan(paths, dpi=known.dpi, orientation=orientation, lines=lines), known
 
 
-def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
+def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
     """Turn a reading into a record, called `name` where the description gives no identifier.
 
-    Elongations, rad, count from each trace's mean place, as the film shows no vertical.
-
-    `RecordError`: the traces found are not those described; `UsageError`: several traces, but no periods or no gravity
-    at which they hold.
+    Elongations, rad, count from each trace's mean place. `RecordError`: the traces found are not those described;
+    `UsageError`: several traces, but no periods or no gravity at which they hold.
     """
     import xarray as xr
 
@@ -207,10 +189,7 @@ def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
 
 
 def courses(reading: Reading, order: list[int]) -> tuple[Floats, Floats]:
-    """Times, s, and columns of the traces in an order, px, of a film that was read at the marks: more than these show.
-
-    Its traces' courses, where rows were read; else the places at the marks.
-    """
+    """Times, s, and columns of traces in an order, px: the courses, where rows were read; else places at the marks."""
     tracks, seconds = reading.tracks, reading.axis.seconds
     if not np.isfinite(tracks.position).any():
         return reading.samples.time, reading.samples.column[order]
@@ -250,12 +229,8 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
 
 
-def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
-    """Numbers of a reading and of its record, plain.
-
-    Keys: record_id, traces, samples, duration_s, reading, accepted_fraction, missing_fraction (of the samples, by
-    trace), marks, speed_mm_s, scale_mm_px, skew_degrees, time_sigma_s, flags, notes, assumed.
-    """
+def summary(record: "xr.DataTree", reading: Reading) -> dict[str, Any]:
+    """Numbers of a reading and of its record, plain; missing_fraction is of the samples, by trace."""
     traces, film = record["record"].dataset, record["film"].dataset.attrs
     labels = [str(label) for label in traces["trace"].values]
     missing = np.isnan(traces["elongation"].values).mean(axis=1)

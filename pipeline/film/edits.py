@@ -1,11 +1,7 @@
 """A person's edits in the reader's terms: pixels that are hidden, lines that traces follow, marks, breaks.
 
-Edits apply to the reading of the untouched film: the stretches that they touch are followed once more from what was
-known on either side. So an edit costs no more than its stretch, and the same edits give the same numbers whenever they
-were made.
+Edits apply to the reading of the untouched film: the same edits give the same numbers whenever they were made.
 """
-
-from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
@@ -123,10 +119,7 @@ def check_scan(edits: FilmEdits, scan: OpenScan) -> None:
 
 
 def place(edits: FilmEdits, scan: OpenScan, tracks: Tracks, start: str) -> Placed:
-    """Edits in the reader's terms; `start` is the date from which the record counts its seconds.
-
-    `RecordError`: one lies outside the image, or names a trace that is not there.
-    """
+    """Edits in the reader's terms, s from the date `start`; `RecordError`: outside the image, or no such trace."""
     rest = [float(np.nanmedian(course)) if np.isfinite(course).any() else np.inf for course in tracks.course]
     order = np.argsort(rest, kind="stable")
     placed: list[tuple[int, Edit]] = []  # with the trace that is meant
@@ -183,10 +176,7 @@ def _freed(places: Floats, tracks: Tracks, alignment: Alignment) -> Floats:
 def with_marks(
     gaps: Gaps, marks: MarkEdits, tracks: Tracks, alignment: Alignment, spacing: float, width: float, across: bool
 ) -> Gaps:
-    """Gaps without those at marks that were cleared, and with marks that were set where none was found.
-
-    `across`: gaps are marks beside the traces, their rows those at column 0.
-    """
+    """Gaps without cleared marks, with those that were set but not found; `across`: they lie beside the traces."""
     rows = gaps.row if across else _freed(np.column_stack([gaps.row, gaps.trace]), tracks, alignment)
     reach = TOUCHES * spacing
     kept = np.all(np.abs(rows[:, None] - _freed(marks.cleared, tracks, alignment)) > reach, axis=1)
@@ -214,7 +204,7 @@ class Clock(NamedTuple):
     time: Floats
 
     @staticmethod
-    def of(marks: MarkEdits, tracks: Tracks, alignment: Alignment, interval: float) -> Clock:
+    def of(marks: MarkEdits, tracks: Tracks, alignment: Alignment, interval: float) -> "Clock":
         """Those that were said; `RecordError` where one is no whole number of intervals from the begin."""
         said = marks.there[np.isfinite(marks.there[:, 2])]
         time = said[:, 2] / interval
@@ -228,10 +218,7 @@ class Clock(NamedTuple):
         return Clock(row[order], np.round(time[order]))
 
     def offset(self, events: Events, count: Count, spacing: float) -> int | None:
-        """What is added to the marks' numbers so that they count from the begin; None without a time among them.
-
-        `RecordError` where times contradict each other.
-        """
+        """What is added to the marks' numbers to count from the begin, or None; `RecordError`: times contradict."""
         row = events.row[count.event]
         near = np.clip(np.searchsorted(row, self.row), 1, row.size - 1)
         near -= self.row - row[near - 1] < row[near] - self.row

@@ -1,11 +1,8 @@
 """The emulsion of one film: from pixels to darkness above blank, and from there to exposure; all measured on the film.
 
-Blank film shows fog, vignette and an uneven lamp of the scanner, place by place. Most pixels of a block are blank. The
-median of the lighter part would be drawn down and the plain median up by lines, so a mean is taken of what lies about
-the middle, clipped again and again.
+Blank film shows fog, vignette and an uneven lamp, place by place. Lines would draw a median up or down, so a mean is
+taken of what lies about the middle, clipped again and again.
 """
-
-from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
@@ -55,7 +52,7 @@ class Optics:
 
     spot: float  # px, 1 sigma of the spot as the scan shows it
     shear: float  # rows by which the image lags per column
-    curve: ToneCurve  # darkness above blank against exposure
+    curve: "ToneCurve"  # darkness above blank against exposure
     grain: Floats  # (2,) variance of a pixel's darkness on blank film, and its growth per unit of darkness above it
 
     @cached_property
@@ -69,7 +66,7 @@ class FilmEmulsion(Optics):
     """How light became pixels: blank film, grain, characteristic curve; spot and shear are 0 where not known."""
 
     full_scale: int  # value of the lightest pixel
-    blank: Blank  # darkness of blank film, place by place
+    blank: "Blank"  # darkness of blank film, place by place
     clumps: Floats = field(default_factory=lambda: np.ones(1))  # correlation of grain by the distance across, px
     swing: float = 0.0  # rows in a swing of the traces by which all this was measured; 0 where it is not known
     blur: float = 0.0  # px2, half the variance of the scanner's blur, which is taken out of the pixels
@@ -111,8 +108,7 @@ class FilmEmulsion(Optics):
     def clumped(self, slope: Floats) -> Floats:
         """Factor in the variance of a line's column on a row, by its slope, where grain is alike on pixels near by.
 
-        The column is a sum over pixels weighed by the derivative of the line's profile along the row, a Gaussian's of
-        1 sigma s: two errors at the distance d with correlation r add `r (1 - d^2 / 2 s^2) exp(-d^2 / 4 s^2)`.
+        Errors at the distance d with correlation r add `r (1 - d^2 / 2 s^2) exp(-d^2 / 4 s^2)`, s the line's 1 sigma.
         """
         squares = np.square(np.arange(1, self.clumps.size)) / (self.spot**2 * (1.0 + slope[..., None] ** 2))
         added = self.clumps[1:] * (1.0 - 0.5 * squares) * np.exp(-0.25 * squares)
@@ -130,9 +126,8 @@ class FilmEmulsion(Optics):
 class ToneCurve:
     """Darkness above blank film, `darkest (1 - (1 + (E/middle)^contrast/shoulder)^-shoulder)`: toe to shoulder.
 
-    Darkness is log10 of the blank pixel over the pixel, whatever the scanner's own gamma: a factor of the density.
-    `darkest` is that of endless exposure. With a shoulder of 1, `middle` is the exposure that gives half of it, and the
-    slope of the straight part `darkest*contrast/4` per e-fold of exposure; the larger the shoulder the shorter it is.
+    Darkness is log10 of the blank pixel over the pixel, `darkest` that of endless exposure. With a shoulder of 1,
+    `middle` gives half of it, and the straight part rises by `darkest*contrast/4` per e-fold of exposure.
     """
 
     darkest: float
@@ -230,10 +225,7 @@ def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
 
 
 def clumps_of(scan: OpenScan, emulsion: FilmEmulsion) -> tuple[Floats, float]:
-    """Correlation of the grain of pixels beside each other, by their distance from 0 on, px, and its variance.
-
-    What pixels far from each other share is the background's, and a line's place does not feel it.
-    """
+    """Correlation of grain by pixels' distance from 0 on, px, and its variance, without the background's part."""
     lags, height = np.arange(CLUMPS + PLATEAU), min(STRIP_ROWS, scan.rows)
     products, pairs = np.zeros((2, lags.size))
     for first in np.linspace(0, scan.rows - height, MOST_STRIPS).astype(int).tolist():
@@ -279,11 +271,7 @@ def darkness_above(
     pixels: NDArray[np.uint16], table: Floats32, levels: Floats32, strip: NDArray[np.int64], weight: Floats32,
     blur: np.float32,
 ) -> Floats32:  # fmt: skip
-    """Darkness above blank film, whose `levels` (strips, columns) are that of a row's `strip` and of the next.
-
-    The scanner blurred the light that came through: what it makes of a Gaussian's half variance `blur` is taken out to
-    the first order, `blur` times the Laplacian.
-    """
+    """Darkness above blank `levels` (strips, columns), the scanner's blur taken out to first order by a Laplacian."""
     rows, columns = pixels.shape
     last, own = table.size - 2, np.float32(1.0) + np.float32(4.0) * blur
     value, out = np.empty(columns, dtype=np.float32), np.empty((rows, columns), dtype=np.float32)

@@ -1,7 +1,5 @@
 """A film whose traces were followed, and its time: as it lies, with a person's edits, and turned the right way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -12,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RecordError, RefusedError
+from data_schemas.film_edits import FilmEdits
 from pipeline.film.edits import NO_EDITS, Placed, check_scan, place
 from pipeline.film.emulsion import FilmEmulsion, shown_darkness
 from pipeline.film.knowledge import Known, film_scale
@@ -21,11 +20,10 @@ from pipeline.film.marks.lines import NoMarksError, fitted, ticks
 from pipeline.film.marks.numbering import TimeReversedError, shear_of_marks
 from pipeline.film.marks.search import ROWS, GapSearch, find_gaps, over_pieces, search_gaps
 from pipeline.film.parts import Emulsion, Floats, Marking, TimeAxis, Tracks
-from pipeline.film.scan.opening import OpenScan, lines_are_light
+from pipeline.film.scan.opening import OpenScan, cause_in, lines_are_light
 from pipeline.film.wander import exchanged
 
 if TYPE_CHECKING:
-    from data_schemas.film_edits import FilmEdits
     from pipeline.film.tracking.track import Following
 
 SLOW = 25.0  # rows a second; below it the strokes of a swing lie a dozen rows apart, and the swing is a dense band
@@ -41,17 +39,13 @@ class FilmTraces:
     scan: OpenScan  # as it was read: turned, if it lay upside down
     emulsion: Emulsion
     tracks: Tracks
-    following: Following | None  # what it takes to follow a stretch once more; None for dense bands
+    following: "Following | None"  # what it takes to follow a stretch once more; None for dense bands
     film: FilmEmulsion  # that of the rows, also where `emulsion` is that of dense bands
     search: GapSearch | RefusedError | None  # gaps on the traces; None where marks lie beside them
     placed: Placed = NO_EDITS  # a person's edits
 
-    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> FilmTraces:
-        """The same as a person's edits make it.
-
-        `RecordError`: they are of another scan, lie outside it, or name a trace that is not there; `RefusedError`: a
-        trace is to be followed on a film that is too slow for it.
-        """
+    def edited(self, edits: FilmEdits, known: Known, jobs: int = 1) -> "FilmTraces":
+        """The same as edits make it; `RecordError`: they are another film's; `RefusedError`: it is too slow."""
         check_scan(edits, self.scan)
         placed = place(edits, self.scan, self.tracks, known.description.start_time)
         following, search, spans = self.following, self.search, []
@@ -78,13 +72,7 @@ class FilmTraces:
         return replace(self, tracks=tracks, following=following, search=search, placed=placed)
 
     def axis(self, known: Known, jobs: int = 1) -> TimeAxis:
-        """When each row of the film was exposed, by gaps in its traces or by marks beside them.
-
-        What marks the film is as described. Otherwise dark lines count, which leave no gaps; then gaps; then the rest.
-
-        `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
-        down; `RecordError`: a person's marks contradict each other.
-        """
+        """When each row was exposed, by marks as described, else dark lines, gaps, the rest; raises as `axis_of`."""
         if self.following is not None:
             replace(self.following, tracks=self.tracks).checked()
         marking, search = known.marking(self.scan.scale, self.scan.directed), self.search
@@ -144,31 +132,16 @@ def _kind_of(marking: Marking, film: FilmEmulsion) -> str:
 
 
 def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:
-    """Whether traces are followed as dense bands, first and, where that is refused, second; `speed` in rows a second.
-
-    Examples
-    --------
-    >>> ways_to_follow("auto", 17.7), ways_to_follow("continuous", 17.7), ways_to_follow("auto", 59.1)
-    ((True, False), (False,), (False,))
-    """
+    """Whether traces are followed as dense bands, first and, if that is refused, second; `speed` in rows a second."""
     if reading == "continuous" or (speed is not None and speed >= SLOW):
         return (False,)
     return (True, False) if speed is not None else (False, True)
 
 
 def find_time(
-    scan: OpenScan,
-    known: Known,
-    edits: FilmEdits | None = None,
-    jobs: int = 1,
-    progress: Progress | None = None,
+    scan: OpenScan, known: Known, edits: FilmEdits | None = None, jobs: int = 1, progress: Progress | None = None
 ) -> tuple[FilmTraces, TimeAxis | RefusedError]:
-    """The film turned the right way with its traces, and its time or why that is refused; as of `digitise.read`.
-
-    `RefusedError`: no trace can be followed.
-    """
-    from pipeline.film.scan.opening import cause_in
-
+    """The film turned the right way, and its time or why that is refused; `RefusedError`: no trace can be followed."""
     _ = known.traces  # names that cannot be meant are told before any work
     if lines_are_light(scan.image) is None:
         raise RefusedError("no line stands out anywhere, the film is blank; scan it with more contrast")

@@ -1,7 +1,5 @@
 """What is known of a film before it is read: its description, what the user says instead, and the instrument."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -29,9 +27,7 @@ if TYPE_CHECKING:
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
-NOTHING = FilmDescription.model_construct(traces=(), pendulums=())
-"""The description of a film of which nothing is described."""
-
+NOTHING = FilmDescription.model_construct(traces=(), pendulums=())  # of a film of which nothing is described
 READINGS = ("auto", "continuous", "strobe")
 
 
@@ -129,10 +125,7 @@ class Known:
         )
 
     def pendulums(self, traces: Sequence[DescribedTrace]) -> tuple[Any, ...]:
-        """The pendulums of some traces, with their periods and what else is described of them.
-
-        `UsageError`: a period is said of a pendulum that no trace shows.
-        """
+        """The pendulums of some traces as described; `UsageError`: a period is said of one that none shows."""
         labels = sorted({label for trace in traces for label in trace.combination}, key=by_number)
         periods = periods_by_label(self.options.periods, labels)
         described = {each.label: each for each in self.description.pendulums}
@@ -143,15 +136,11 @@ class Known:
 
     def instrument(
         self, pendulums: Sequence[Any], time: Floats, clock: float | None, scale: float | None, *, needed: bool
-    ) -> xr.Dataset | None:
+    ) -> "xr.Dataset | None":
         """The group /instrument of a record; None where nothing is known of it nor needed.
 
-        `pendulums` are those of the traces in the record's order, `time` (samples,) is the record's, s. `clock` is by
-        how much the film's time axis may run wrong, s a day: that of the times alone, in which the samples' uncertainty
-        has no part, nor it in theirs, so that gravity counts each once. `scale` is by how much, relative, all
-        elongations may be wrong. `needed`: gravity is to be had.
-
-        `UsageError`: it is, and periods or their gravity are not known.
+        `time` (samples,) is the record's, s; `clock`, s a day, the time axis's own error, in which the samples' has no
+        part; `scale` that of all elongations, relative. `UsageError`: `needed` for gravity, and no periods are known.
         """
         known, labels = self.description, [str(each.label) for each in pendulums]
         values = {key: value for key, value in known.instrument.model_dump().items() if value is not None}
@@ -191,10 +180,7 @@ class Known:
         return instrument
 
     def as_described(self, column: Floats, scale: float) -> tuple[tuple[DescribedTrace, ...], list[int], Floats]:
-        """The described traces, for each the number of the one found, and where those rest, (found,) px; see `match`.
-
-        Of `column`, (found, any), px of `scale` mm.
-        """
+        """Described traces, for each the number of the one found, and where those rest, (found,) px; see `match`."""
         numbers = (str(k + 1) for k in range(len(column)))  # of traces of which nothing is known, from the left
         traces = self.traces or tuple(DescribedTrace(name=own, combination={own: 1.0}) for own in numbers)
         filled = np.where(np.isfinite(column).any(axis=1, keepdims=True), column, 0.0)
@@ -203,13 +189,7 @@ class Known:
 
 
 def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> list[int]:
-    """For each described trace, the number of the one found, by where those rest and how far they swing, (found,) mm.
-
-    Without a place for each, traces are described as they lie from the left to the right. The scan need not begin at
-    the paper's edge: a shift common to all places costs every order the same.
-
-    `RecordError`: more or fewer traces were found than are described.
-    """
+    """For each described trace the one found, by rest and swing (found,) mm; `RecordError`: not as many were found."""
     from scipy.optimize import linear_sum_assignment
 
     if rest.size != len(described):
@@ -228,10 +208,7 @@ def match(described: Sequence[DescribedTrace], rest: Floats, swing: Floats) -> l
 
 
 def film_scale(stated: float | None, speed: float | None, axis: TimeAxis) -> tuple[float, str | None]:
-    """Size of a pixel, mm, as stated or by the film's nominal speed, mm s-1; and what had to be believed for it.
-
-    `RecordError`: neither is known: elongations would have no scale.
-    """
+    """Size of a pixel, mm, stated or by the speed, mm s-1, and what is believed for it; `RecordError`: neither."""
     if stated is not None:
         return stated, None
     rate = axis.rows_per_second

@@ -1,23 +1,15 @@
 """Normal points, and their phase beside that of the places at the marks.
 
-A normal point makes one sample at an instant of the readings of the rows about it, no reading used twice: the course
-at the instant plus the mean departure of the rows' readings from the course. The course is the tracker's smooth curve,
-whose prior holds a frequency; what of it survives in a sample is second order in the row's distance from the instant.
-To keep that out of the phase, the departures are first described by a line and a swing of slowly changing size
-(`describe`), in adjoining blocks of a few swings: of the description too only second order survives, and its noise with
-it, so that the noise of the samples stays white.
+A normal point makes one sample at an instant of the readings of the rows about it, none used twice: the course there
+plus the rows' mean departure from it. The course's prior holds a frequency; to keep that out of the phase, departures
+are first described by a line and a swing in adjoining blocks (`describe`): only second order in the row's distance
+survives, and the noise of the samples stays white.
 
-The phases of two readings of a film, by the rows and at the marks alone, are compared as departures from the same
-course, so that what they share (swell, amplitude) drops out. Each half minute, the departures are fitted by a line, the
-course and its rate; the latter's share is the difference in time. The time axis errs alike over a few marks, and the
-course over a few rows: the uncertainty is estimated from the scatter of sums over two seconds, and from what
-neighbouring sums share.
-
-Of a hundred honest half minutes some lie beyond three sigma. The film is flagged where one lies further out, or more of
-them do, than happens in one honest film of four hundred.
+The phases by the rows and at the marks are compared as departures from the same course. Each half minute these are
+fitted by a line, the course and its rate, whose share is the difference in time. Its uncertainty is estimated from the
+scatter of sums over two seconds, and from what neighbours share. The film is flagged where one half minute lies so far
+out, or so many beyond three sigma, as happens in one honest film of four hundred.
 """
-
-from __future__ import annotations
 
 from typing import NamedTuple
 
@@ -42,10 +34,7 @@ CHANCE = 0.0027  # of three sigma
 
 
 def normal_points(tracks: Tracks, axis: TimeAxis, rate: float) -> Samples:
-    """Samples at whole multiples of 1/rate, `rate` a second, from the readings of each row.
-
-    They reach from the first instant that any trace reaches to the last; there are none where the axis knows no time.
-    """
+    """Samples at whole multiples of 1/rate, `rate` a second, from the readings of each row; none without times."""
     known = axis.seconds[np.isfinite(axis.seconds)]
     first, last = (int(np.ceil(known[0] * rate)), int(np.floor(known[-1] * rate))) if known.size else (0, -1)
     number = np.arange(first, last + 1)
@@ -70,7 +59,6 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
     rows = np.flatnonzero(accepted)
     rows = rows[np.argsort(sample[rows], kind="stable")]  # shear may turn steep strokes back in time
     weight, departure, at = tracks.sigma[trace][rows] ** -2.0, departure[rows], sample[rows]
-
     period = tracks.rows_per_swing * float(seconds[timed[-1]] - seconds[timed[0]]) / float(timed[-1] - timed[0])
     length = max(2, round(BLOCK_SWINGS * period * rate))  # samples in a block
     start, span = (first - 0.5) / rate, length / rate
@@ -96,10 +84,7 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
 
 
 def course_at(tracks: Tracks, axis: TimeAxis, trace: int, seconds: Floats, instants: Floats) -> Floats:
-    """Column of a trace's course at any instants, s, px; NaN where the trace or its time is not known.
-
-    `seconds` (rows,) are those of `row_times`.
-    """
+    """Column of a trace's course at instants, s, px, rows timed by `row_times`; NaN where not known."""
     timed = np.flatnonzero(np.isfinite(seconds))
     if timed.size < 2:
         return np.full(instants.shape, np.nan)
@@ -134,20 +119,13 @@ def row_times(tracks: Tracks, axis: TimeAxis, trace: int) -> Floats:
 
 
 def time_at(axis: TimeAxis, trace: int, row: Floats, column: Floats) -> Floats:
-    """Time at which light of a trace fell on places of the film, s; NaN outside the axis.
-
-    The axis gives the time of a row at column 0 of the first trace. The image lags by `shear` rows a column and by
-    the trace's `offset`, so that row r of the trace shows what the axis has at r - offset - shear * column.
-    """
+    """Time at which light of a trace fell on places, s: the axis at row - offset - shear column; NaN outside."""
     place = row - axis.offset[trace] - axis.shear * column
     return np.asarray(np.interp(place, np.arange(axis.seconds.size) + 0.5, axis.seconds, left=np.nan, right=np.nan))
 
 
 def describe(terms: Floats, departure: Floats, weight: Floats, block: NDArray[np.int64], count: int) -> Floats:
-    """Coefficients of the terms in each of `count` blocks, (count, terms); zero where one holds too few readings.
-
-    Terms (readings, terms), departures (any unit) and weights (inverse variances) are in order of their `block`.
-    """
+    """Coefficients of terms (readings, terms) by block, (count, terms); weights: inverse variances; 0 if too few."""
     coefficients = np.zeros((count, terms.shape[1]))
     edges = np.searchsorted(block, np.arange(count + 1))
     for number in np.flatnonzero(np.diff(edges) >= FEWEST_READINGS):
@@ -190,12 +168,7 @@ class PhaseDifference(NamedTuple):
 
 
 def clock_uncertainty(difference: PhaseDifference, period: float) -> float | None:
-    """Relative 1 sigma of the time axis's rate, by how the two readings drift apart; None for a short film.
-
-    The strobe reads at the marks and needs no times between them. Slow errors of the time axis, which no noise of
-    single samples shows, are a drift of its phase against that of the rows, the same on all traces. `period` is that of
-    the swing, s.
-    """
+    """Relative 1 sigma of the axis's rate, by the readings' drift over all traces; None for a short film."""
     drifts, weights = [], []
     for phase, sigma in zip(difference.phase, difference.sigma, strict=True):
         known = np.isfinite(phase) & (sigma > 0.0)

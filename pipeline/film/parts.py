@@ -1,10 +1,7 @@
 """What the stages of reading a film hand to each other.
 
-Pixels count from the image's edges: pixel i reaches from i to i + 1 and has its centre at i + 0.5. Rows run along the
-film with time, columns across it.
+Pixel i reaches from i to i + 1, its centre is i + 0.5. Rows run along the film with time, columns across it.
 """
-
-from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -20,11 +17,9 @@ class Emulsion(Protocol):
 
     def exposure(self, pixels: NDArray[Any], first: int) -> NDArray[np.float32]:
         """Relative exposure of rows from `first` on, 0 on blank film, 1 on the axis of a line at rest."""
-        ...
 
     def noise(self, exposure: NDArray[np.float32]) -> NDArray[np.float32]:
         """1 sigma of the grain in units of exposure, at that exposure."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -43,7 +38,7 @@ class Tracks:
     shear: float = 0.0  # rows by which the image lags per column, as the swings show it
 
     @staticmethod
-    def empty(traces: int, rows: int, rows_per_swing: float, spot: float, shear: float = 0.0) -> Tracks:
+    def empty(traces: int, rows: int, rows_per_swing: float, spot: float, shear: float = 0.0) -> "Tracks":
         """Nothing read yet."""
         a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
         return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot, shear)

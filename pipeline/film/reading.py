@@ -1,23 +1,18 @@
 """The reading of a film in one screen: emulsion, traces, time, places at the marks, samples."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data_schemas.errors import RefusedError, UsageError
+from data_schemas.film_edits import FilmEdits
 from pipeline.film.following import SLOW, FilmTraces
 from pipeline.film.knowledge import Known, film_scale
 from pipeline.film.marks.search import GapSearch
 from pipeline.film.normal_points import PhaseDifference, compare, normal_points
 from pipeline.film.parts import Samples, Strobe, TimeAxis, Tracks
 from pipeline.film.scan.opening import OpenScan
-
-if TYPE_CHECKING:
-    from data_schemas.film_edits import FilmEdits
 
 RATES = (10.0, 12.5, 20.0, 25.0)  # Hz
 SAMPLES, SINGLE = 12.0, 24.0  # a swing; more say the same again, but a single trace's turns are fitted one by one
@@ -46,7 +41,7 @@ class Reading:
     left_out: frozenset[int] = frozenset()  # traces that a person ignores
     edits: FilmEdits | None = None  # what a person corrected
 
-    def between(self, start: float, stop: float) -> Reading:
+    def between(self, start: float, stop: float) -> "Reading":
         """The same with the samples of a stretch of time alone, s; `UsageError` where there are none."""
         samples, inside = self.samples, (self.samples.time >= start) & (self.samples.time <= stop)
         if not inside.any():
@@ -56,10 +51,7 @@ class Reading:
 
     @property
     def marks(self) -> NDArray[np.int64]:
-        """Numbers of the marks that a trace shows.
-
-        A mark in the turning points of all traces may be too faint to be searched for, and yet be read where it is due.
-        """
+        """Numbers of the marks that a trace shows: one too faint for the search is yet read where it is due."""
         return np.union1d(self.axis.index, self.strobe.index[np.isfinite(self.strobe.position).any(axis=0)])
 
     @property
@@ -85,10 +77,7 @@ class Reading:
 
 
 def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1) -> Reading:
-    """The samples of a film whose traces and time are known.
-
-    `RefusedError`: nothing of a trace could be read; `RecordError`: nothing says how large a pixel is.
-    """
+    """The samples of a film; `RefusedError`: nothing of a trace was read; `RecordError`: no pixel size is known."""
     from pipeline.film.marks.strobe import read_at_marks
 
     scan, tracks, reading = traces.scan, traces.tracks, known.options.reading
@@ -171,13 +160,7 @@ def _rate(tracks: Tracks, axis: TimeAxis) -> float:
 
 
 def share_read(kind: str, accepted: float, missing: float) -> str:
-    """How much was read, in words: of the rows or, at the marks alone, of the places there.
-
-    Examples
-    --------
-    >>> share_read("continuous", 0.9, 0.02), share_read("strobe", 0.0, 0.02)
-    ('90.0 % of the rows read', '98.0 % of the places at the marks read')
-    """
+    """How much was read, in words: of the rows or, at the marks alone, of the places there."""
     if kind == "strobe":
         return f"{100.0 * (1.0 - missing):.1f} % of the places at the marks read"
     return f"{100.0 * accepted:.1f} % of the rows read"

@@ -1,12 +1,9 @@
 """Paper that moves sideways under the light: what is common to all traces, and in a difference cannot be the ship's.
 
-A ship's motion moves the pendulums alike, and their difference hardly at all. Paper moves every line on it by the same
-distance. Steps are the same in all traces and sharper than any swing; creases are the same in all traces and gone
-after some millimetres; what is slow in the difference's trace is wander. Steps and wander are taken off, samples on a
-crease are left out.
+A ship's motion moves the pendulums alike, their difference hardly at all; paper moves every line by the same distance.
+Steps are sharper than any swing, creases are gone after some millimetres; what is slow in the difference's trace is
+wander. Steps and wander are taken off, samples on a crease are left out.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
@@ -40,7 +37,7 @@ class Paper(NamedTuple):
     steps: tuple[float, ...]  # s, when
     creases: int
 
-    def at(self, instants: Floats, time: Floats) -> Paper:
+    def at(self, instants: Floats, time: Floats) -> "Paper":
         """The same at other instants than those of the samples, `time`, s."""
         near = np.searchsorted(0.5 * (time[1:] + time[:-1]), instants)
         return self._replace(shift=np.interp(instants, time, self.shift), creased=self.creased[near])
@@ -65,9 +62,8 @@ class Event(NamedTuple):
 def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period: float) -> Paper | None:
     """How paper moved at each sample, `time` (samples,) s; None where no difference shows that it did.
 
-    `row` (samples,) px is where along the film each lies. `column` (traces, samples) is that of the traces, px, NaN
-    where nothing was read; `sums` (traces,) are those of the pendulums' weights in each trace, 0 of a difference;
-    `period` is that of the swing, s.
+    `row` (samples,) px, along the film; `column` (traces, samples) px, NaN where nothing was read; `sums` (traces,) of
+    the pendulums' weights, 0 of a difference; `period` of the swing, s.
     """
     differences = np.abs(sums) < 1e-9
     if not differences.any():
@@ -88,10 +84,7 @@ def paper_motion(time: Floats, row: Floats, column: Floats, sums: Floats, period
 
 
 def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool:
-    """Whether differences sway as no paper does, and pendulums do not: they are exchanged, or all lies upside down.
-
-    As of `paper_motion`; times may be rows.
-    """
+    """Whether differences sway as no paper does, and pendulums do not: exchanged, or upside down; times may be rows."""
     even = [even_part(time, time, own, period) for own in column]  # of a film that lies turned
     upright = np.stack([own - (0.0 if lean is None else lean) for own, lean in zip(column, even, strict=True)])
     aside, all_move = sideways(slow_part, SWAYS, time, upright, np.abs(sums) < 1e-9, period)
@@ -99,13 +92,9 @@ def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool
 
 
 def sideways(
-    part: Callable[[Floats, Floats, float], Floats | None],
-    least: float,
-    time: Floats,
-    column: Floats,
-    differences: NDArray[np.bool_],
-    period: float,
-) -> tuple[Floats | None, bool]:
+    part: Callable[[Floats, Floats, float], Floats | None], least: float, time: Floats, column: Floats,
+    differences: NDArray[np.bool_], period: float,
+) -> tuple[Floats | None, bool]:  # fmt: skip
     """A part of the differences' motion, (samples,) px, None under `least`, 1 sigma; if all others move as much."""
     known = [each for each in (part(time, own, period) for own in column[differences]) if each is not None]
     aside = np.mean(known, axis=0) if known else np.zeros(1)
@@ -141,10 +130,7 @@ def events(time: Floats, column: Floats, difference: int, period: float) -> list
 
 
 def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[Event]:
-    """The likeliest event at each of some times, by least squares of each trace beside its swing.
-
-    One not alike in all traces has no excess.
-    """
+    """The likeliest event at each of some times, by least squares beside the swings; no excess if not alike in all."""
     if at.size >= 2 * PLACES:
         parts = np.array_split(at, at.size // PLACES)
         return [event for part in parts for event in _likeliest(time, column, part, period)]
@@ -180,10 +166,7 @@ def _likeliest(time: Floats, column: Floats, at: Floats, period: float) -> list[
 
 
 def even_part(row: Floats, time: Floats, column: Floats, period: float) -> Floats | None:
-    """How the trace runs aside evenly by rows, as on a film that lies turned, (samples,) px; None with too few.
-
-    Of less than two samples a swing the swing itself seems slow.
-    """
+    """How the trace runs aside evenly by rows, as on a film that lies turned, (samples,) px; None with too few."""
     known = np.isfinite(column)
     if np.count_nonzero(known) < LEAST or np.median(np.diff(time)) > SPARSE * period:
         return None

@@ -1,15 +1,11 @@
 """What traces show together: gaps as closings of the shutter, and bars where the paper stood.
 
-A gap shows on all traces at once: at row `r + offset + shear column`. Offsets may exceed the marks' spacing; of all
-offsets and shears the true one brings most gaps together, because missing marks, false gaps and minute codes are the
-same on every trace. Coarse ones are refined once the marks are counted.
+A gap shows on all traces at once: at row `r + offset + shear column`. Offsets may exceed the marks' spacing; the true
+offset and shear bring most gaps together, as missing marks, false gaps and minute codes are the same on every trace.
 
-Where the paper stood still the light went on, and wrote the whole swing of every trace across a few rows. Marks and
-pendulums cannot show it where it lasts about a whole number of swings, but the bar does; its light gives for how long,
-to a third.
+Where the paper stood, the light wrote the whole swing of every trace across a few rows: a bar, whose light gives for
+how long, to a third.
 """
-
-from __future__ import annotations
 
 import itertools
 import math
@@ -63,15 +59,15 @@ class Gaps:
     misfit: Floats  # mean square of the pixels' residuals over that of their grain
 
     @staticmethod
-    def of(trace: Whole, fitted: Floats) -> Gaps:
+    def of(trace: Whole, fitted: Floats) -> "Gaps":
         """From what `gap_kernels.fit_gaps` returns, (gaps, RESULTS)."""
         return Gaps(trace, *fitted.T.copy())
 
-    def pick(self, which: NDArray[np.bool_] | Whole) -> Gaps:
+    def pick(self, which: NDArray[np.bool_] | Whole) -> "Gaps":
         """Some of them."""
         return Gaps(*(each[which] for each in vars(self).values()))
 
-    def joined_by(self, more: Gaps) -> Gaps:
+    def joined_by(self, more: "Gaps") -> "Gaps":
         """Both, in order of their rows."""
         both = Gaps(*(np.concatenate(each) for each in zip(vars(self).values(), vars(more).values(), strict=True)))
         return both.pick(np.argsort(both.row, kind="stable"))
@@ -274,11 +270,7 @@ def swept(tracks: Tracks, columns: int) -> list[Swept | None]:
 
 
 def light_across(exposure: NDArray[np.float32], begin: int, across: list[Swept | None]) -> Floats:
-    """What lies on each trace's columns from row `begin` on, (2, traces, rows): light of all but a few, and its mean in
-    strokes.
-
-    Ships sway traces aside by as much as these swing: the columns go with each swing.
-    """
+    """Light on each trace's columns, which sway with it, from row `begin`; its mean in strokes, (2, traces, rows)."""
     out = np.zeros((2, len(across), exposure.shape[0]))
     beside = next((own.beside for own in across if own is not None), np.empty(0, np.int64))
     stray = np.median(exposure[:, beside], axis=1) if beside.size else 0.0

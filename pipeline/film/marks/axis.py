@@ -1,11 +1,8 @@
 """The time axis of a film: marks that were counted, and the paper's motion made of them.
 
-The drive's model tells motion from errors by their being independent from mark to mark. Dirt, bends of the tracker's
-curve and the obliqueness of strokes are not: marks half a swing apart meet the strokes at nearly the same phase. But
-the paper moves all traces at once: what lasts in their differences is error.
+The drive's model takes errors for independent from mark to mark. Dirt, bends of the course and oblique strokes are not;
+but the paper moves all traces at once: what lasts in their differences is error.
 """
-
-from __future__ import annotations
 
 import itertools
 
@@ -28,8 +25,7 @@ SHARED = 0.3  # of the marks' floor, where one trace shows the marks
 def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdits = NO_MARKS) -> TimeAxis:
     """The time axis that gaps make, or marks across the film; `marks` are those that a person set.
 
-    `RefusedError`: marks cannot be found, or their number is not certain; `TimeReversedError`: the film lies upside
-    down; `RecordError`: a person's marks contradict each other.
+    `RefusedError`: no marks, or uncertain ones; `TimeReversedError`: upside down; `RecordError`: `marks` contradict.
     """
     counted, across = number_marks(search, tracks, marking, marks), search.across
     gaps, count, alignment, minutes = counted.gaps, counted.count, counted.alignment, counted.minutes
@@ -75,11 +71,7 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
 
 
 def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive, hidden: float) -> float:
-    """1 sigma of a mark's time, s, of all traces together, as white noise of the time axis from mark to mark.
-
-    What they leave of the motion, and what that took of it; the mean of what the paper may do unseen between two marks
-    (see `times_of`), and wow that they hide, px; and the doubt of the marks that are missing.
-    """
+    """1 sigma, s, of a mark's time, of all traces together: scatter, motion unseen between marks, missing marks."""
     weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
     seen = weight.any(axis=0)
     rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
@@ -112,12 +104,9 @@ def _flags(counted: Counted, seen: int, directed: bool, beside: bool) -> tuple[s
 def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
     """Time since the first mark of the centre of each row, and 1 sigma, s; NaN beyond the marks.
 
-    Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both.
-
-    The variance is the sum of three: of the drive's smoother at the marks; between two, what a motion as rough may do
-    unseen while row and speed at both are held, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at the
-    share x of the way h; and of `lasting`, px: errors that neighbouring marks share, of their gaps, offsets and shear,
-    which no smoother tells from motion. The zero of time, common to all rows, is not in it.
+    Between marks the motion is the polynomial of degree five that has row, speed and acceleration at both. The variance
+    is the smoother's, what motion may do unseen, `shake^2 (x (1 - x) h)^3 / 3 + roughness^2 (x (1 - x) h)^5 / 20` at
+    the share x of the way h, and `lasting`^2, px2: errors that neighbouring marks share.
     """
     from scipy.interpolate import BPoly, CubicSpline
 
@@ -148,9 +137,7 @@ def times_of(paper: Drive, rows: int, lasting: float) -> tuple[Floats, Floats]:
 def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple[Floats, float, float]:
     """Offsets of the traces, the first one's 0, shear, and what their errors make of a row, 1 sigma, by least squares.
 
-    `rows`, `sigma` and `columns` (traces, marks) are those of the gaps, px; NaN = missing. Of marks that several traces
-    show, the row is free, so that nothing of theirs is taken for the paper's motion. If there are too few of those,
-    rows are held to the motion found: a trace now left and now right of its middle shows the shear.
+    The row of a mark on several traces (traces, marks) is free; with too few of them rows are held to the motion.
     """
     traces = len(rows)
     used = paper.used & np.isfinite(rows) & np.isfinite(columns)
@@ -176,10 +163,7 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple
 
 
 def lasting(rows: Floats, paper: Drive) -> float:
-    """1 sigma of the lasting error of a mark's row, px, of measured `rows` (traces, marks) freed of offsets and shear.
-
-    NaN = missing.
-    """
+    """1 sigma of a mark's lasting error, px, of `rows` (traces, marks) freed of offsets and shear; NaN = missing."""
     residual = np.where(paper.used, rows - paper.row, np.nan)
     apart = [one - other for one, other in itertools.combinations(residual, 2)]
     products = [each[lag:] * each[:-lag] for each in apart for lag in range(1, LAGS + 1)]

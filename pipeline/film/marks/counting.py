@@ -1,14 +1,9 @@
 """Numbers of the marks: which events are marks, and how many marks lie between them.
 
-The cheapest path through all events, each a mark of some number or none (Viterbi). A step goes from one event to a
-later one and counts d marks. Its cost: marks missed, events passed over, speed unlike that of the step before, and
-pendulums that did not swing d marks' time meanwhile.
-
-The pendulums are a second clock: over a mark's interval a pendulum's phase advances by the same amount to 1e-3 and
-better, whatever the paper does; a count of marks that slips by one shows as half a swing.
+The cheapest path through all events, each a mark of some number or none (Viterbi). A step's cost: marks missed, events
+passed over, speed unlike that of the step before, and pendulums that did not swing as many marks' time meanwhile. These
+are a second clock: their phase advances alike to 1e-3 from mark to mark, whatever the paper does.
 """
-
-from __future__ import annotations
 
 import itertools
 import math
@@ -104,11 +99,9 @@ def wrapped(angle: Floats) -> Floats:
 
 
 def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floats]:
-    """Phase of every trace's swing at rows of that trace, rad, and the variance it has from being carried there.
+    """Phase of every trace's swing at rows of that trace, rad, and its variance from being carried there, (traces, n).
 
-    Where the trace is lost near a row, the phase is that of the nearest whole piece, carried on at its frequency; both
-    results are (traces, n), NaN where that is too far or the swing too small. `stretch` (n,) are the rows per second
-    there over the film's mean.
+    Near lost rows it is carried on from the nearest whole piece, NaN too far; `stretch` (n,): speed over the mean.
     """
     from scipy.ndimage import distance_transform_edt, maximum_filter1d
 
@@ -128,9 +121,8 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
         inside = np.abs(carried) <= FARTHEST * half
         for which in np.unique(speed[inside]):
             turn = 2.0 * np.pi / (tracks.rows_per_swing * which * STEP)
-            taps = np.linalg.pinv(
-                np.stack([np.cos(turn * x), np.sin(turn * x), *[(x / half) ** k for k in range(4)]]).T
-            )
+            terms = np.stack([np.cos(turn * x), np.sin(turn * x), *[(x / half) ** k for k in range(4)]])
+            taps = np.linalg.pinv(terms.T)
             at = np.flatnonzero(inside & (speed == which))
             cos, sin = taps[:2] @ course[near[at][:, None] + np.arange(-half, half + 1)].T
             phase = np.arctan2(-sin, cos) + turn * carried[at]
@@ -139,7 +131,7 @@ def _phases(tracks: Tracks, rows: Floats, stretch: Floats) -> tuple[Floats, Floa
     return out, extra
 
 
-def jumps(count: Count, swings: Swings) -> Floats:
+def jumps(count: "Count", swings: Swings) -> Floats:
     """Jump of the pendulums' phase at each mark, the smallest of all traces, rad; 0 where it is not known."""
     index, out = count.index, np.full((len(swings.phase), count.index.size), np.inf)
     for trace, (phase, advance) in enumerate(zip(swings.centred[:, count.event], swings.advance, strict=True)):
@@ -175,16 +167,13 @@ class Count:
     index: Whole  # (marks,), their numbers from 0 on
     lead: Floats  # (marks - 1,), of the count to the next mark before any other, as a difference of chi squares
 
-    def part(self, first: int, stop: int) -> Count:
+    def part(self, first: int, stop: int) -> "Count":
         """Some of the marks."""
         return Count(self.event[first:stop], self.index[first:stop], self.lead[first : stop - 1])
 
 
 def usual_spacing(gaps: Gaps, traces: int) -> float:
-    """Rows between marks: the commonest distance of successive gaps of the trace that shows most.
-
-    `RefusedError`: too few gaps.
-    """
+    """Rows between marks: the commonest distance of gaps on the trace with most; `RefusedError`: too few."""
     rows = gaps.row[gaps.trace == np.argmax(np.bincount(gaps.trace, minlength=traces))]
     apart = np.diff(rows)
     if np.count_nonzero(apart > 1e-6) < LEAST_MARKS:
@@ -209,10 +198,7 @@ def unsteadiness(rows: Floats, spacing: float) -> tuple[float, float]:
 
 
 def counted(rows: Floats, sigma: Floats, swings: Swings, spacing: float, breaks: Floats) -> Count:
-    """The cheapest count of all, of events on `rows` in order, with 1 sigma, px; over each of `breaks`, px, one mark.
-
-    `RefusedError`: no path leads from the film's start to its end.
-    """
+    """The cheapest count of all, of events on `rows`, px, in order, one mark over each break; `RefusedError`: none."""
     steps = list_steps(rows, sigma, spacing, swings, breaks)
     forward, backward, before = count_marks(steps, np.searchsorted(steps.end, np.arange(rows.size + 1)))
     whole = forward + backward
@@ -271,11 +257,7 @@ def list_steps(row: Floats, sigma: Floats, spacing: float, swings: Swings, break
 
 @kernel
 def count_marks(steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
-    """Least cost of all paths up to and including each step, and of all paths after it; the step before it.
-
-    The steps that end at each event begin at `first_of` (events + 1,). Paths begin and end within the first and last
-    `SKIP` events.
-    """
+    """Least cost of all paths up to each step, and after it; the step before it; event k's begin at `first_of[k]`."""
     events, total, cost = steps.row.size, steps.cost.size, steps.cost
     forward, backward, before = np.empty(total), np.empty(total), np.empty(total, dtype=np.int64)
     for k in range(total):
@@ -309,11 +291,7 @@ def turn_cost(steps: Steps, j: int, k: int) -> float:
 def lengths(
     before: Count, after: Count, rows: Floats, swings: Swings, stand: Stand, pace: float
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Numbers of marks from the last one before a stand to the first one after it, and their costs, the best first.
-
-    Pendulums swing on: their phase tells the number but for whole swings, the bar's light those, roughly; or the paper
-    did not stand at all. `rows` are those of all events, `pace` the rows between marks.
-    """
+    """Numbers of marks over a stand, best first, and costs: by the phases but for whole swings, by its light those."""
     moved = (rows[after.event[0]] - rows[before.event[-1]]) / pace
     length = max(stand.length, LEAST) / pace
     number = np.arange(max(round(moved), 1), int(moved + MOST * length) + MORE)
@@ -334,10 +312,7 @@ def lengths(
 
 
 def _extrapolated(away: NDArray[np.int64], phase: Floats, advance: float) -> tuple[float, int, float]:
-    """Phase at a mark by those nearest to it, so many marks away, and their number.
-
-    Last: how the ship shakes it, the variance of the phase over a longer time, rad2.
-    """
+    """Phase at a mark by those nearest to it, their number, and its variance over a longer time, rad2."""
     known = np.isfinite(phase) & (np.abs(away) < LONGER)
     turned = np.exp(1j * (phase[known] - advance * away[known]))
     near = turned[np.abs(away[known]) < BESIDE]

@@ -1,15 +1,9 @@
 """Traces and emulsion of a slow film, whose swings lie so close that rows do not show lines one by one.
 
-Such films are read at the marks alone; the traces say where their gaps are searched. The film is cut into blocks of two
-swings, each half over the next. The mean place of each row's light gives a block's first curve, independent of the
-other blocks; the curve is then fitted to the film, and neighbouring blocks are blended. Blocks that do not lie on a
-line, or not where their neighbours lead, are left out.
-
-The curves also give the light of each pixel, and the pixels' darkness against it is the characteristic curve. It is
-fitted to some blocks, twice: the first time with a curve guessed from the darkest pixels.
+Such films are read at the marks alone; the traces say where. Blocks of two swings, each half over the next, begin with
+the mean places of the rows' light, are fitted to the film and blended; those that do not lie on a line, or not where
+their neighbours lead, are left out. The pixels' darkness against the curves' light is the characteristic curve.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
@@ -49,10 +43,7 @@ SHADES = np.linspace(0.3, 1.0, 8)  # of the darkest pixel, between which grain i
 
 
 def dense_tracks(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Tracks:
-    """Courses of all traces, `count` if known, of a slow film whose bands lie side by side; no readings by rows.
-
-    `RefusedError`: no swinging band, fewer than were expected, or one of which most cannot be followed.
-    """
+    """Courses of all traces, `count` if known, of a slow film; `RefusedError`: no bands, too few, or not followed."""
     found = survey(scan, emulsion, count)
     middle = block_middles(scan.rows, found.period)
     shapes, lights = follow(scan, emulsion, found, middle)
@@ -146,10 +137,8 @@ def joined(shape: Floats, light: Floats, period: float, spot: float) -> Floats:
     """Light of the blocks, 0 also for those that lie beside both their neighbours, or beside one and have no other."""
     away = np.linspace(0.25, 0.75, BETWEEN) * period
     good = light > 0.0
-    before, after = (
-        kernels.values(shape[:-1, None], away, period),
-        kernels.values(shape[1:, None], away - period, period),
-    )
+    before = kernels.values(shape[:-1, None], away, period)
+    after = kernels.values(shape[1:, None], away - period, period)
     across = np.median(np.abs(before[0] - after[0]) / np.sqrt(1.0 + before[1] ** 2), axis=1)
     agree = np.concatenate([[False], good[:-1] & good[1:] & (across < APART * spot), [False]])
     return np.where(good & (agree[:-1] | agree[1:]), light, 0.0)
@@ -167,11 +156,8 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
     weight = np.where(both, x * x * (3.0 - 2.0 * x), np.where(known, 0.0, 1.0))
     lean = np.where(both, 6.0 * x * (1.0 - x) / period, 0.0)
     bend = np.where(both, (6.0 - 12.0 * x) / period**2, 0.0)
-    here, there = (
-        kernels.values(shape[first], at - middle[first], period),
-        kernels.values(shape[second], at - middle[second], period),
-    )
-    apart = there - here
+    here = kernels.values(shape[first], at - middle[first], period)
+    apart = kernels.values(shape[second], at - middle[second], period) - here
     out = np.stack([*(here + weight * apart), light[first] + weight * (light[second] - light[first])])
     out[1] += lean * apart[0]
     out[2] += 2.0 * lean * apart[1] + bend * apart[0]
@@ -181,10 +167,7 @@ def blended(middle: Floats, shape: Floats, light: Floats, period: float, rows: i
 
 
 def dense_emulsion(scan: OpenScan, count: int | None) -> FilmEmulsion:
-    """Blank film, grain and characteristic curve of a slow film with `count` traces, if known.
-
-    `RefusedError`: it shows no swinging bands, or others than were expected.
-    """
+    """Blank film, grain and curve of a slow film with `count` traces, if known; `RefusedError`: it shows others."""
     emulsion = first_emulsion(scan)
     found, blank = survey(scan, emulsion, count), float(emulsion.grain[0])
     for _ in range(UNIT_TURNS):  # exposure about 1 on the axis of a line at rest: a trace lights every row alike
@@ -250,10 +233,7 @@ def fitted_curve(light: Floats, dark: Floats, guess: ToneCurve) -> ToneCurve | N
 
 
 def grain_growth(dark: Floats, shade: Floats, blank: float) -> float:
-    """Growth of a pixel's variance with its darkness; `shade` is what the curve says, `blank` that of blank film.
-
-    Errors of the blocks' curves add to the grain, least where the film is saturated: the least growth counts.
-    """
+    """Growth of a pixel's variance with darkness, the least of all shades: errors of the curves add to the grain."""
     growth = []
     for low, high in pairwise(SHADES * shade.max()):
         inside = (shade >= low) & (shade < high)

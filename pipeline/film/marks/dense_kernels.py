@@ -1,13 +1,9 @@
 """Dense bands of slow films: a few swings of a trace fitted to the film as one curve.
 
-Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr` with polynomials P, C, S of the place x in the
-block: drift and swell, amplitude and phase with what the paper's speed does to it. The whole block is drawn, strokes
-beside each other and all, and compared with the film; residuals at points along the curve give the line's distance to
-one side, and least squares a better curve (Gauss-Newton with the strokes' overlap left out of the Hessian). It begins
-from the mean places of the rows' light, which need no curve.
+Over two swings or so a trace is `P(x) + C(x) cos wr + S(x) sin wr`, with polynomials P, C, S of the place x in the
+block. The whole block is drawn and compared with the film; residuals along the curve give the line's distance to one
+side, and least squares a better curve (Gauss-Newton), beginning from the mean places of the rows' light.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
@@ -83,10 +79,7 @@ def first_shapes(light: Floats, column: Floats, first: int, middles: Floats, per
 
 
 def node_table(half: float, spot: float) -> Floats:
-    """What makes columns of a shape, and their growth from node to node, (2, nodes, SIZE).
-
-    Nodes lie evenly about a block's middle, from `EDGE` spots before its `half` rows to as far behind them.
-    """
+    """Columns by shape, and their growth from node to node, (2, nodes, SIZE), to `EDGE` spots beyond `half` rows."""
     number = math.ceil(NODES * (1.0 + EDGE * spot / half))
     away = np.arange(-number, number + 1) * half / NODES
     column, slope, _ = np.moveaxis(values(np.eye(SIZE)[:, None], away, half), 1, 2)
@@ -107,10 +100,7 @@ class Known(NamedTuple):
 def draw_curve(
     picture: Floats, row: float, left: int, scale: float, course: Floats, slope: Floats, spot: float
 ) -> None:
-    """Add the line of a tabulated curve to a picture, whose first column is `left` on the film.
-
-    The first node lies on `row` of the picture, nodes `scale` rows apart.
-    """
+    """Add a tabulated curve's line to a picture from column `left` on; nodes `scale` rows apart, first on `row`."""
     rows, columns = picture.shape
     across, far = np.empty(columns), -0.5 / (spot * spot)
     turn, reach, at, last_node = math.exp(2.0 * far), REACH * spot, 0.5, course.size - 0.5
@@ -150,11 +140,7 @@ def draw_curve(
 def fit_block(
     exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known
 ) -> tuple[float, float]:
-    """Fit a block's curve, `shape` (P, C and S by powers of x), to a piece of film that begins with row `first`.
-
-    Returns the light of the line over that of its slope, 0 where the block cannot be fitted, and the share of points
-    that count.
-    """
+    """Fit a block's `shape` in place: its light over that of its slope, 0 if it fails, and the share of points used."""
     half, spot, gain, brightest, _nodes = known
     turn = 2.0 * math.pi / half
     start = shape.copy()

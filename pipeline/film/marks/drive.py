@@ -1,12 +1,9 @@
 """The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
 
-A Gaussian process: a random walk of the acceleration for what turns smoothly, one of the speed for what slips and
-catches, and damped rotating pairs at the frequencies that stand out of the remainder. Their strengths and the floor of
-the marks' errors are the most likely ones. With the first walk alone a rough drive is smoothed too much, and the times
-are worse than they say.
+A Gaussian process: random walks of the acceleration, for what turns smoothly, and of the speed, for what slips and
+catches, and damped rotating pairs at the frequencies that stand out. Strengths and the floor of the marks' errors are
+the most likely ones. With the first walk alone the times of a rough drive are worse than they say.
 """
-
-from __future__ import annotations
 
 import itertools
 import math
@@ -63,11 +60,7 @@ class Drive:
 def drive(
     rows: Floats, sigma: Floats, step: float, before: Drive | None = None, jumps: NDArray[np.int64] = NO_JUMPS
 ) -> Drive:
-    """The most likely motion by measured rows (traces, marks), freed of offsets and shear, every `step` s.
-
-    NaN = missing. The lines of a motion `before`, found of nearly the same rows, stay. The paper stood still before the
-    marks `jumps`.
-    """
+    """The most likely motion by rows (traces, marks), NaN = missing, every `step` s; lines of `before` stay."""
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
     paper = _most_likely(rows, sigma, first, jumps)
     for _ in range(MOST_LINES if before is None else 0):
@@ -90,8 +83,7 @@ def drive(
 
 
 def slips(rows: Floats) -> NDArray[np.int64]:
-    """Marks before which the paper slipped, of rows (traces, marks): apart unlike those about them, by no mark's own
-    error."""
+    """Marks before which the paper slipped, of rows (traces, marks): apart unlike others, by no mark's own error."""
     from scipy.ndimage import median_filter
 
     shown = np.isfinite(rows).sum(axis=0)
@@ -172,10 +164,7 @@ def aliased(rows: Floats, paper: Drive) -> tuple[float, float]:
 
 
 def _line(rows: Floats, paper: Drive, told: bool = True) -> tuple[float, float] | None:
-    """The line that stands out most of what smooth motion leaves: circular frequency and amplitude, or None.
-
-    Looked for where its alias, which the marks show no otherwise, would be too fast for wow, or else only where not.
-    """
+    """Circular frequency and amplitude of the line that stands out most; `told`: its alias is too fast for wow."""
     marks = rows.shape[1]
     if marks * paper.model.step < 2.0 * SLOWEST / 3.0:
         return None
@@ -200,10 +189,7 @@ def _line(rows: Floats, paper: Drive, told: bool = True) -> tuple[float, float] 
 
 
 def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
-    """The same, with its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time.
-
-    The model's own sigma in a gap rests on the form of its motion, not on marks.
-    """
+    """The same, its 1 sigma in long gaps as large as errors are where marks are hidden over as long a time."""
     seen = np.flatnonzero(paper.used.any(axis=0))
     length = int(np.diff(seen).max(initial=0))
     if length * paper.model.step < LONG_GAP or seen.size < 6 * length:
@@ -226,12 +212,10 @@ def filter_drive(
     step: Floats, noise: Floats, sees: Floats, begin: tuple[Floats, Floats],
     rows: Floats, variance: Floats, stood: Floats,
 ) -> tuple[float, Floats, Floats, Floats, Floats]:  # fmt: skip
-    """Kalman filter forward over marks, with the variance of each; NaN = missing.
+    """Kalman filter over marks: -2 log likelihood, and state (marks, n) and covariance after each mark, and before.
 
-    From mark to mark the state (n,) goes on by `step` (n, n) with the covariance `noise`; `begin` is state and
-    covariance at the first; `sees` (n,) makes a row of it. `stood` is the row's variance from the paper's having stood
-    before a mark. The results are -2 log likelihood, and state and covariance, (marks, n) and (marks, n, n), after each
-    mark is seen, and before.
+    The state goes on by `step` (n, n) with the covariance `noise`, and `sees` (n,) makes a row of it, with its
+    `variance`; NaN = missing. `stood` is the row's variance from the paper's having stood before a mark.
     """
     marks, n = rows.size, sees.size
     state, ahead = np.empty((marks, n)), np.empty((marks, n))

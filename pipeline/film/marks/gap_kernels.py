@@ -2,16 +2,12 @@
 
 The light of a piece of film is `a L - b T`: L the whole line as its course draws it, T what would have been drawn while
 the shutter was closed, between `m - w/2` and `m + w/2` on the curve. Gauss-Newton over m, a, b, w, a shift d of the
-course across the film and a lead h along it, each pixel weighed by its grain. A course that lies late by more the
-further out it is (a tracker that misjudges an oblique image draws such ones) would else take the gap along. Both ends
-of the gap are edges of a line of known shape, so the fit is as good as the grain allows (the Cramer-Rao bound of the
-model), on steep strokes and in turning points alike.
+course across the film and a lead h along it, each pixel weighed by its grain, is as good as the grain allows (the
+Cramer-Rao bound of the model), on steep strokes and in turning points alike.
 
 Where the slit stands askew, by `shear` rows a column, a line of slope v runs 1 - shear v of the slit's time a row: so
 bright it is, and the middle of the closed time is not that of the gap's rows.
 """
-
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -40,10 +36,7 @@ CLIP = 4.0  # sigmas, of a pixel's residual
 
 
 class Patch(NamedTuple):
-    """Light drawn on a piece of the film whose first pixel lies at row `top` and column `left`.
-
-    `across` and `along` are its derivatives by a shift of the curve across the film and by a lead along it.
-    """
+    """Light on film from row `top`, column `left`; derivatives by a shift `across` the film and a lead `along` it."""
 
     image: Floats
     across: Floats
@@ -54,10 +47,7 @@ class Patch(NamedTuple):
 
 @kernel
 def place(course: Floats, slope: Floats, row: float) -> tuple[float, float]:
-    """Column of a curve and its slope at a row coordinate (cubic between the rows' centres).
-
-    NaN beyond its ends, and where it is steeper than any line: walking along it would not end.
-    """
+    """Column and slope of a curve at a row (cubic between rows' centres); NaN beyond its ends, or too steep."""
     at = row - 0.5
     i = math.floor(at)
     if i < 0 or i + 1 >= course.size:
@@ -80,10 +70,7 @@ def pace(shear: float, slope: float) -> float:
 
 @kernel
 def draw(patch: Patch, row: float, column: float, slope: float, weight: float, spot: float, sloped: bool) -> None:
-    """Add a Gaussian spot, of density 1/(sqrt(2 pi) spot) at its centre times `weight`, to a piece of the film.
-
-    If `sloped`, its derivatives are added, too: a curve that is moved along the film moves across it by its `slope`.
-    """
+    """Add a Gaussian spot of a `weight` to a piece of film and, if `sloped`, its derivatives."""
     image, across, along, top, left = patch
     rows, columns = image.shape
     reach = REACH * spot
@@ -119,11 +106,7 @@ def shade(
     patch: Patch, course: Floats, slope: Floats, begin: float, end: float, shift: float, lead: float, spot: float,
     shear: float, sloped: bool,
 ) -> None:  # fmt: skip
-    """Draw a curve from row `begin` to `end`, moved by `shift` across and by `lead` rows earlier along the film.
-
-    If `sloped`, the derivatives of its light by `shift` and `lead` are drawn too. Spots lie one spot apart: their sum
-    is even to 1e-8.
-    """
+    """Draw a curve from row `begin` to `end`, moved `shift` across and `lead` rows earlier, in spots one spot apart."""
     left, right = patch.left - REACH * spot, patch.left + patch.image.shape[1] + REACH * spot
     row = begin
     while row < end:

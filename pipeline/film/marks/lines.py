@@ -1,11 +1,8 @@
 """Marks that lie not in the traces but beside them: lines across the film, dark or bright, and ticks at its edge.
 
-Film that no trace sweeps shows them, group by group of columns, as each row's median; lines slant with the image, and
-the slant under which most groups agree is its shear. What the groups share then, row by row, is the light of the marks,
-and every peak of it is fitted.
+Film that no trace sweeps shows them, as each row's median over groups of columns. The slant under which most groups
+agree is the shear; what they share, row by row, is the light of the marks, and every peak of it is fitted.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,9 +14,7 @@ from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.film.marks.alignment import Gaps
 
-Light = Callable[[int, int], NDArray[np.float32]]
-"""Of the rows between two, (rows, columns): darkness above blank film, or exposure."""
-
+Light = Callable[[int, int], NDArray[np.float32]]  # of the rows between two, (rows, columns): darkness or exposure
 NONE = "film: no marks beside the traces were found; check that the film bears them, or state another mark_kind"
 GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ticks; fewest groups
 WIDE = 8  # groups that are looked at together at first
@@ -75,7 +70,7 @@ class Lines(NamedTuple):
         top = top[self.light[top] > USUAL * np.median(self.light[top])] if top.size else top
         return top, peak_widths(self.light, top)[0]
 
-    def cleared(self) -> Lines:
+    def cleared(self) -> "Lines":
         """The same with what the usual marks' light is."""
         top, breadth = self.marks()
         usual = self.light[top] < ODD * np.median(self.light[top])
@@ -103,10 +98,7 @@ def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
 
 
 def ticks(light: Light, rows: int, free: Rows) -> Lines:
-    """Marks on a strip of the columns `free`, which no trace sweeps.
-
-    `RefusedError`: there are none.
-    """
+    """Marks on a strip of the columns `free`, which no trace sweeps; `RefusedError`: there are none."""
     runs = np.split(free, np.flatnonzero(np.diff(free) > 1) + 1)
     groups = np.concatenate([run[: run.size // TICK * TICK].reshape(-1, TICK) for run in runs])
     pieces = sections(rows)
@@ -218,10 +210,7 @@ def fitted(lines: Lines) -> Gaps:
 
 
 def widened(marks: Gaps) -> Floats:
-    """Rows of marks broader than those around them, though not by as much as long ones: the paper may have stood there.
-
-    On a dark line that is black anyway, more light shows in no other way; it may be a false mark's, too.
-    """
+    """Rows of marks a little broader than those around: on a dark line a stand of the paper shows in no other way."""
     from scipy.ndimage import median_filter
 
     more = marks.width / median_filter(marks.width, NEIGHBOURS, mode="nearest") - 1.0

@@ -1,11 +1,8 @@
 """Numbers of a film's marks: counted over the places where the paper stood, checked, and set by the minute code.
 
-At each full minute the chronometer closes the shutter otherwise than at other marks: again a little later, for a longer
-or shorter time, or not at all. The code need not be known; whatever comes back every minute and nowhere else is one.
-Read backwards, a second gap comes before the minute's mark instead of after it.
+At each full minute the shutter closes otherwise: again a little later, for a longer or shorter time, or not at all. The
+code need not be known: whatever comes back every minute and nowhere else is one; backwards, a second gap comes first.
 """
-
-from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
@@ -157,10 +154,7 @@ def unlike_minutes(bars: list[Stand], events: Events, swings: Swings, spacing: f
 def count_over_stands(
     events: Events, stands: list[Stand], swings: Swings, spacing: float, marking: Marking, clock: Clock
 ) -> Count:
-    """All marks counted, those that passed while the paper stood as clock times, codes or pendulums show.
-
-    The lead over a stand is infinite, or `UNCERTAIN`.
-    """
+    """All marks counted, over stands by clock times, codes or pendulums; leads there are infinite or `UNCERTAIN`."""
     rows = np.array([each.row for each in stands])
     count = counted(events.row, events.row_sigma, swings, spacing, rows)
     edges = [0, *np.searchsorted(events.row[count.event], rows).tolist(), count.index.size]
@@ -207,11 +201,7 @@ def longest(count: Count, cut: NDArray[np.bool_]) -> Count:
 
 
 def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> None:
-    """Refuse a count that codes or pendulums contradict.
-
-    `RefusedError`: more codes are out of step than chance puts there, or all pendulums would have lost or gained part
-    of a swing at once.
-    """
+    """Refuse a count, `RefusedError`, that more codes contradict than chance explains, or all pendulums at once."""
     if minutes.residue is not None and minutes.against > max(1.0, DISAGREE * minutes.seen):
         raise RefusedError(
             f"film: {minutes.against} of {minutes.seen + minutes.against} minute codes are out of step with the count "
@@ -227,10 +217,7 @@ def check(minutes: Minutes, events: Events, count: Count, swings: Swings) -> Non
 
 
 def places(events: Events, count: Count) -> Floats:
-    """Place of every event in units of the marks' interval, by interpolation between the marks counted.
-
-    Up to one interval beyond the first and last of them the paper is taken to run on as it does there.
-    """
+    """Place of every event in units of the marks' interval; up to one beyond the marks the paper runs on evenly."""
     row = events.row[count.event]
     out = np.interp(events.row, row, count.index.astype(np.float64))
     for first, few in ((0, min(ABOUT, row.size - 1)), (row.size - 1, max(row.size - 1 - ABOUT, 0))):
@@ -244,10 +231,7 @@ def places(events: Events, count: Count) -> Floats:
 
 
 def find_minutes(events: Events, count: Count, marking: Marking) -> Minutes:
-    """The minute code of a film whose marks were counted.
-
-    `TimeReversedError`: the code reads backwards.
-    """
+    """The minute code of a film whose marks were counted; `TimeReversedError`: it reads backwards."""
     cycle = round(60.0 / marking.interval)
     if abs(cycle * marking.interval - 60.0) > 1e-6 or cycle < 4 or marking.code == "none":
         return Minutes()
@@ -322,9 +306,8 @@ def doubts(
 ) -> list[tuple[float, float, float]]:
     """Where a code beyond all that agree is out of step: numbers of the first and last mark, and by how much, s.
 
-    Between two codes that agree one that does not is a false gap; so is one that only a stand of the paper explains
-    which leaves a bar that nobody overlooks, of a swing or two where traces can show bars (`shown`); or after which the
-    pendulums, whose phases `advance` by (traces,) rad a mark, NaN where not known, would have lost part of a swing.
+    One between two that agree is a false gap; so is one that only a stand without a bar would explain (where bars are
+    `shown`), or a jump of the pendulums, whose phases `advance` by (traces,) rad a mark, NaN where not known.
     """
     agree, number, half = minutes.agree, minutes.number, minutes.cycle // 2
     if minutes.kind != "double" or minutes.residue is None or not agree.size:

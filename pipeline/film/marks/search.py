@@ -1,11 +1,8 @@
 """Search for gaps along every trace of a film, in one pass over its pixels, piece by piece: none holds the image.
 
-Where the line's brightness, taken along the curve, falls for as long as the shutter closes and comes back on both
-sides, a gap is fitted to the pixels; the fit decides whether it is one: all of the light gone, for the right time, and
-nothing else visible (dust, scratches and other traces' lines leave a misfit).
+Where the line's brightness falls for as long as the shutter closes and comes back on both sides, a gap is fitted to the
+pixels; it is one if all of the light is gone, for the right time, and nothing else leaves a misfit (dust, other lines).
 """
-
-from __future__ import annotations
 
 import itertools
 import math
@@ -68,10 +65,7 @@ def search_gaps(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, marking: Mar
 def find_gaps(
     scan: OpenScan, emulsion: Emulsion, tracks: Tracks, width: float, jobs: int = 1, spans: Spans | None = None
 ) -> tuple[Gaps, Bars]:
-    """All gaps of about `width` rows on all traces, fitted and selected; and where each shows that the paper stood.
-
-    `spans` as of `over_pieces`.
-    """
+    """All gaps of about `width` rows on all traces, and bars where the paper stood; `spans` as of `over_pieces`."""
     across, steps = swept(tracks, scan.columns), _steps(tracks)
 
     def of_piece(begin: int, stop: int, first: int, exposure: Exposure) -> tuple[NDArray[np.int64], Floats, Floats]:
@@ -125,10 +119,7 @@ def brightness_along(
     exposure: Exposure, first: int, course: Floats, slope: Floats, curvature: Floats, rows: Floats,
     spot: float, shear: float, width: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Exposure on the line over that expected of its slope and bend, and the share that a gap of `width` would take.
-
-    The first is NaN where the trace or the piece of film, whose first row is `first`, ends.
-    """
+    """Exposure on the line over that expected, NaN where film or trace ends, and what a gap of `width` would take."""
     light, dark = np.full(rows.size, math.nan), np.zeros(rows.size)
     for k, row in enumerate(rows):
         column, lean = place(course, slope, row)
@@ -196,10 +187,7 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
 
 
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, known: float | None = None) -> float:
-    """Rows for which the shutter closes, by the dark runs on steep strokes of some pieces of the film.
-
-    With too few of them those `known`; `RefusedError` where none are.
-    """
+    """Rows for which the shutter closes, by dark runs on steep strokes; with too few `known`, or `RefusedError`."""
     length, steps = min(scan.rows, SAMPLE_ROWS), _steps(tracks)
     runs: list[float] = []
     for begin in spread_over(scan.rows - length, SAMPLES):
@@ -242,16 +230,7 @@ def _dark_runs(light: Floats, lean: Floats) -> Floats:
 
 
 def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 1) -> Iterator[Result]:
-    """Results of `work` on each of the items, in their order.
-
-    With several jobs the calls run in threads; items are asked for in the caller's thread, at most `jobs` of them ahead
-    of the results.
-
-    Examples
-    --------
-    >>> list(in_order(abs, [-3, 1, -2], jobs=2))
-    [3, 1, 2]
-    """
+    """Results of `work` in the items' order; items are asked for in the caller's thread, at most `jobs` ahead."""
     if jobs == 1:
         yield from map(work, items)
         return
@@ -269,16 +248,10 @@ def in_order(work: Callable[[Item], Result], items: Iterable[Item], jobs: int = 
 
 
 def over_pieces(
-    scan: OpenScan,
-    emulsion: Emulsion,
-    work: Callable[[int, int, int, Exposure], Result],
-    jobs: int,
+    scan: OpenScan, emulsion: Emulsion, work: Callable[[int, int, int, Exposure], Result], jobs: int,
     spans: Spans | None = None,
-) -> list[Result]:
-    """What `work` makes of each piece in its order: rows `begin` to `stop`, first row of the exposure, exposure.
-
-    `spans` are first and last rows of the stretches of interest; the whole scan by default.
-    """
+) -> list[Result]:  # fmt: skip
+    """What `work` makes of each piece of `spans`: rows `begin` to `stop`, first row of the exposure, exposure."""
 
     def one(begin_and_stop: tuple[int, int]) -> Result:
         begin, stop = begin_and_stop
@@ -286,11 +259,8 @@ def over_pieces(
         return work(begin, stop, first, exposed(scan, emulsion, first, min(stop + MARGIN, scan.rows)))
 
     spans = [(0, scan.rows - 1)] if spans is None else spans
-    return list(
-        in_order(
-            one, [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)], jobs
-        )
-    )
+    pieces = [(at, min(at + ROWS, last + 1)) for first, last in spans for at in range(first, last + 1, ROWS)]
+    return list(in_order(one, pieces, jobs))
 
 
 def spread_over(rows: int, number: int, *, inside: bool = False) -> list[int]:

@@ -1,11 +1,8 @@
 """Traces read at the marks, the historic way: where each line breaks off and begins again.
 
-The place is the middle of the gap on the curve, by its two ends; no row enters, so neither does the paper's motion: the
-time is the chronometer's own. On steep strokes an end is sharp and the place good to a tenth of a pixel; in turning
-points the gap takes most of the line away and the place is that of the remainder around it.
+The place is the middle of the gap on the curve, by its two ends; no row enters, nor the paper's motion. On steep
+strokes it is good to a tenth of a pixel; in turning points it is that of the remainder around the gap.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +31,8 @@ def read_at_marks(
 ) -> Strobe:
     """Place of every trace at every mark from the first to the last, also where the search had missed it.
 
-    Where to look is known from the `axis`; places do not depend on it. `closed` are the rows for which the shutter
-    closes where too few gaps tell. Up to `jobs` threads work.
-
-    `RefusedError`: nothing tells it.
+    Places do not depend on the `axis`, which says where to look. `closed`, rows, is the gap's length where too few gaps
+    tell it; `RefusedError`: nothing does.
     """
     if axis.kind != "gaps":
         nothing = np.empty((len(tracks.course), 0))
@@ -92,11 +87,7 @@ def read_by_rows(tracks: Tracks) -> bool:
 
 
 def bends(tracks: Tracks, gaps: Gaps) -> Floats:
-    """Error of each trace's course that is no shift of it, px where the line is flat, (traces,).
-
-    Courses of dense bands are not read row by row: that in turning points is estimated from how far they lie beside the
-    gaps on steep strokes, whose ends do not depend on them.
-    """
+    """Error of each course that is no shift, px where it is flat, (traces,); of dense bands by gaps on strokes."""
     if read_by_rows(tracks):
         return np.full(len(tracks.course), BEND)
     out = np.full(len(tracks.course), UNKNOWN_BEND)

@@ -1,12 +1,8 @@
 """How dense bands lie on a slow film and how fast they swing: sections here and there, and what most of them say.
 
-Light is time: whatever its speed, a trace leaves the same light in every row. So the mean place of a row's light is the
-trace's own place, blurred by the spot, though a row may show two strokes and two halves of turning points. Where the
-slit stands askew to the rows, light of earlier and of later times comes together, and that place swings with overtones
-that a pendulum has not.
+A trace leaves the same light in every row: the mean place of a row's light is the trace's own, blurred by the spot.
+Where the slit stands askew, light of other times comes in, and that place swings with overtones no pendulum has.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
@@ -50,10 +46,7 @@ Columns = tuple[int, int]  # First column, and the one behind the last
 
 
 def light_of(exposure: NDArray[np.float32], left: int, right: int, least: float) -> tuple[Floats, Floats]:
-    """Light of each row between two columns, (rows,), and its mean column, px; NaN without light.
-
-    A pixel is light from the exposure `least` on; `right` is the column behind the last.
-    """
+    """Light of each row from `left` to before `right`, exposures from `least` on, and its mean column, px, or NaN."""
     part = exposure[:, left:right]
     lit = np.where(part > least, np.minimum(part, np.float32(BRIGHTEST)), np.float32(0.0))
     light = lit.sum(axis=1, dtype=np.float64)
@@ -123,10 +116,7 @@ class Survey(NamedTuple):
 
 
 def survey(scan: OpenScan, emulsion: Emulsion, count: int | None) -> Survey:
-    """Bands, `count` if known, and rows per swing of a film, as most of its sections show them.
-
-    `RefusedError`: no swinging band, fewer than were expected, or sections that contradict each other.
-    """
+    """Bands, `count` if known, and rows per swing; `RefusedError`: none, fewer, or sections contradict each other."""
     length, least = min(scan.rows, int(SWINGS * USUAL_SWING)), faintest(emulsion)
     shown: list[list[Columns]] = []
     periods: list[float] = []
@@ -202,10 +192,7 @@ class Lie(NamedTuple):
 
 
 def lie_of(scan: OpenScan, count: int | None) -> Lie:
-    """How a slow film with `count` traces, if known, lies; exactly 0 where nothing shows that it lies askew.
-
-    `RefusedError`: no swinging band was found, or others than were expected.
-    """
+    """How a slow film with `count` traces, if known, lies; exactly 0 if not askew. `RefusedError`: other bands."""
     emulsion = first_emulsion(scan)
     found, upright, lie = survey(scan, emulsion, count), scan, Lie()
     if abs(found.lean) * scan.rows > ASIDE:

@@ -1,10 +1,7 @@
 """Image files as rows of grey, and views of them.
 
-TIFF and BigTIFF are decoded a strip or a row of tiles at a time, all others whole, by Pillow. tifffile reads where the
-pixels of a TIFF are kept, which is checked against the file.
+TIFFs are decoded by strips or rows of tiles, from where tifffile says these lie, if that holds; others by Pillow.
 """
-
-from __future__ import annotations
 
 import contextlib
 import functools
@@ -28,7 +25,6 @@ from numpy.typing import NDArray
 from data_schemas.errors import FileError
 
 Pixels = NDArray[Any]  # uint8 or uint16, (rows, columns)
-
 MOST_PIXELS = 2**36
 MOST_BYTES_AT_ONCE = 2**29  # of a file that can only be decoded whole
 NO_COMPRESSION = 1
@@ -42,9 +38,8 @@ MOST_PAGES, SMALL = 16, 0.3  # of a file; pixels of its largest page, from which
 ORIENTATION = 274  # tag of TIFF and EXIF
 BYTES = {"1": 1, "L": 1, "LA": 4, "P": 4, "PA": 4, "RGB": 4, "RGBA": 4, "YCbCr": 4, "CMYK": 4, "I;16": 2, "I": 4}
 
+# rows and columns exchanged (t), then rows (r) and columns (c) reversed: by the orientation of TIFF and EXIF from 1 on
 TURNS = ("", "c", "rc", "r", "t", "tc", "trc", "tr")
-"""Rows and columns exchanged (t), then rows (r) and columns (c) reversed: what sets the rows of a file upright, by the
-orientation of TIFF and EXIF from 1 on."""
 CLOCKWISE = {0: "", 90: "tc", 180: "rc", 270: "tr"}  # Turns by degrees
 
 
@@ -86,10 +81,7 @@ def turned(image: Image, turn: str) -> Image:
 
 
 def transposed(image: Image) -> Image:
-    """An image whose columns have become rows, kept in a temporary file that goes with it.
-
-    The file holds chunks of rows one after the other, each transposed: it is written in order.
-    """
+    """An image whose columns have become rows, kept as transposed chunks in a temporary file that goes with it."""
     kind, rows, columns = np.dtype(np.uint8 if image.full_scale == 255 else np.uint16), image.columns, image.rows
     chunk = max(16, CHUNK // (rows * kind.itemsize))
     try:
@@ -140,11 +132,7 @@ def refuse_absurd_size(path: Path, rows: int, columns: int) -> None:
 
 
 def to_grey(pixels: Pixels) -> Pixels:
-    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out.
-
-    >>> to_grey(np.array([[[255, 255, 255], [0, 0, 0]]], dtype=np.uint8)).tolist()
-    [[255, 0]]
-    """
+    """Grey of (rows, columns, channels): luma of ITU-R BT.601 in whole numbers; alpha is left out."""
     if pixels.shape[2] < 3:
         return pixels[:, :, 0]
     luma = np.full(pixels.shape[:2], 32768, dtype=np.uint32)  # 65535 * 65536 + 32768 fits
@@ -154,10 +142,7 @@ def to_grey(pixels: Pixels) -> Pixels:
 
 
 def open_whole(path: Path, kind: str) -> ImageFile:
-    """Decode an image file of `kind` "PNG", "JPEG" or "TIFF": Pillow's guess would try every format it knows.
-
-    Raises `FileError` where it is damaged, of an unknown mode, or too large to be decoded whole.
-    """
+    """Decode a file of `kind` PNG, JPEG or TIFF alone; `FileError`: damaged, of an unknown mode, or too large."""
     # Pillow's general reader refuses large images, which films are, by a global limit
     name = {"PNG": "Png", "JPEG": "Jpeg", "TIFF": "Tiff"}[kind]
     opener = getattr(importlib.import_module(f"PIL.{name}ImagePlugin"), f"{name}ImageFile")
@@ -194,11 +179,7 @@ def _short(fault: Exception) -> str:
 
 
 def open_tiff(path: Path) -> ImageFile:
-    """Open the largest image of a TIFF; what `Tiff` cannot decode piece by piece Pillow takes whole, if small.
-
-    Raises `FileError` where the file is damaged, holds several images, or pixels that are no whole numbers of 8 or 16
-    bits.
-    """
+    """Open the largest image of a TIFF, by Pillow if small; `FileError`: damaged, several images, not 8 or 16 bit."""
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # what matters is raised here, in one line
@@ -228,8 +209,7 @@ def open_tiff(path: Path) -> ImageFile:
 class Tiff:
     """A TIFF on the disk, of which nothing is held but the bands of rows last decoded; any number of threads may read.
 
-    A band is a row of tiles, or a strip, which is a tile as wide as the image: `segment` is the shape of either. Plane
-    by plane and band by band, they lie at `offsets` in the file, `sizes` bytes each.
+    A band is a row of tiles or a strip, `segment` the shape of either; they lie at `offsets`, `sizes` bytes each.
     """
 
     def __init__(self, path: Path, page: Any, byteorder: str) -> None:
@@ -251,10 +231,7 @@ class Tiff:
         self.upright = page.tags.valueof(ORIENTATION, default=1)
 
     def check(self) -> None:
-        """Raise `FileError` where the tags contradict each other or the file's length.
-
-        Strips of any height that follow each other without compression are taken for lower ones.
-        """
+        """Raise `FileError` where tags contradict each other or the file; split plain strips into lower ones."""
         length, (height, width, together) = self.path.stat().st_size, self.segment
         across = -(-self.columns // width)
         count = -(-self.rows // height) * across * (self.channels // together)

@@ -1,7 +1,5 @@
 """One image file, or several overlapping strips, as one scan whose rows run with time and whose lines are dark."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from collections.abc import Sequence
@@ -78,7 +76,7 @@ class OpenScan:
         """Of the files, in order."""
         return tuple(file_sha256(path) for path in self.paths)
 
-    def part(self, first: int, stop: int | None) -> OpenScan:
+    def part(self, first: int, stop: int | None) -> "OpenScan":
         """Some rows of the same scan; `UsageError` where there are none."""
         last = self.rows if stop is None else min(stop, self.rows)
         if not 0 <= first < last:
@@ -86,13 +84,13 @@ class OpenScan:
         notes = (*self.notes, f"rows {first} to {last} of {self.rows} were read")
         return replace(self, image=part_of(self.image, first, last), notes=notes)
 
-    def upside_down(self) -> OpenScan:
+    def upside_down(self) -> "OpenScan":
         """The same scan turned by half a turn."""
         notes = (*self.notes, "the scan lay upside down and was turned")
         degrees = (self.orientation + 180) % 360
         return replace(self, image=turned(self.image, CLOCKWISE[180]), notes=notes, orientation=degrees, directed=False)
 
-    def straightened(self, lean: float, shear: float) -> OpenScan:
+    def straightened(self, lean: float, shear: float) -> "OpenScan":
         """The same scan set upright: traces ran aside by `lean` columns a row, and lagged by `shear` rows a column."""
         if not (lean or shear):
             return self
@@ -104,31 +102,15 @@ class OpenScan:
 
 
 def open_scan(
-    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
-    *,
-    dpi: float | None = None,
-    orientation: str = "auto",
-    lines: str = "auto",
-) -> OpenScan:
+    paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *,
+    dpi: float | None = None, orientation: str = "auto", lines: str = "auto",
+) -> OpenScan:  # fmt: skip
     """Open the image of a film, or overlapping strips of it in order; only a few pieces of them are read.
 
-    Parameters
-    ----------
-    paths : path or sequence of path
-    dpi : float, optional
-        Pixels per inch; left out: as the files say.
-    orientation : {"auto", "0", "90", "180", "270"}
-        Degrees by which it is turned clockwise so that time runs downwards; auto puts the long side down, its left end
-        up.
-    lines : {"auto", "dark", "light"}
-        Dark on light film or light on dark film; auto: what departs from the blank film decides.
-
-    Raises
-    ------
-    UsageError
-        No file is named, or an option cannot be meant.
-    FileError
-        A file cannot be read, is no image (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
+    `dpi`, pixels per inch, is by default as the files say. `orientation` are degrees by which the image is turned
+    clockwise so that time runs down; auto puts the long side down, its left end up. `lines` are dark or light; auto: by
+    what departs from blank film. `UsageError`: no file is named, or an option cannot be meant; `FileError`: one is no
+    image that can be read (TIFF, PNG, JPEG; 8 or 16 bit; grey or colour), or strips do not overlap.
     """
     if dpi is not None and not 10.0 <= dpi <= 20_000.0:
         raise UsageError(f"dpi {dpi:g}: give 10 to 20000 pixels per inch")
@@ -211,10 +193,7 @@ def without_border(image: Image) -> Image:
 
 
 def border_of(image: Image) -> tuple[Edge | None, Edge | None]:
-    """The film's left and right edge where the scanner's border lies beside it.
-
-    The border is lighter or darker than blank film, and straight but perhaps oblique.
-    """
+    """The film's left and right edge, straight but perhaps oblique, where a lighter or darker border lies beside."""
     height = min(PROFILE_ROWS, image.rows)
     starts = _spread(image.rows - height, PROFILES)
     profiles = np.array([np.median(image.read(a, a + height), axis=0) for a in starts], dtype=np.float64)
@@ -240,11 +219,7 @@ def _edge(profiles: NDArray[np.float64], rows: NDArray[np.float64], limit: float
 
 
 def _width(profile: NDArray[np.float64], limit: float) -> int:
-    """Columns of border at the left of a profile, 0 if there is none.
-
-    An edge is a step between a few pixels, beyond which the level never comes back halfway: a vignette has no step,
-    and beside a scratch there is film again.
-    """
+    """Columns of border at the left of a profile, up to a step beyond which the level never comes back halfway."""
     step = profile[SHARP:] - profile[:-SHARP]
     for edge in np.flatnonzero(np.abs(step[: int(WIDEST * profile.size)]) > limit)[::-1].tolist():
         film = float(np.median(profile[edge + SHARP : edge + SHARP + 60]))
@@ -255,10 +230,7 @@ def _width(profile: NDArray[np.float64], limit: float) -> int:
 
 
 def lines_are_light(image: Image) -> bool | None:
-    """Whether what departs from the blank film is lighter than it; film is mostly blank. None: nothing departs.
-
-    Dust and scratches depart both ways; lines are the most of what departs.
-    """
+    """Whether the most of what departs from the blank film is lighter than it; None: nothing departs."""
     darker, lighter = 0.0, 0.0
     height = min(SAMPLE_ROWS, image.rows)
     for first in _spread(image.rows - height, SAMPLES):

@@ -1,11 +1,8 @@
 """Overlapping strips of one film as one image, each turned and shifted onto the first.
 
-A strip lies where its lines and its grain are those of the strip before. Swings look alike: a strip laid one swing too
-far matches almost as well. Shifts that match over the whole overlap that they imply are aligned pixel by pixel, and the
-best must be better than all others by far.
+A strip lies where its lines and its grain are those of the strip before. Swings look alike: shifts that match over the
+whole overlap that they imply are aligned pixel by pixel, and the best must be better than all others by far.
 """
-
-from __future__ import annotations
 
 import cmath
 import itertools
@@ -62,10 +59,7 @@ class Part(NamedTuple):
 
 
 def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
-    """Lay strips on each other: one image, as wide as the first.
-
-    `FileError`: two strips do not overlap, or not certainly in one way only.
-    """
+    """Lay strips on each other, as wide as the first; `FileError`: two do not overlap, or not in one way only."""
     if len({image.full_scale for image in images}) > 1:
         raise FileError(f"{paths[0]}: the strips have 8 and 16 bits; save them alike")
     parts = [Part(images[0], 0.0, 0.0, 0)]
@@ -100,10 +94,7 @@ def join(images: Sequence[Image], paths: Sequence[Path]) -> Image:
 
 
 def straightened(image: Image, lean: float, shear: float) -> Image:
-    """An image whose pixel (i, j) was at (i + shear j, j + lean i), but for where it begins.
-
-    It has the rows that show all columns, and the columns that any row shows; beyond the edges these are repeated.
-    """
+    """An image whose pixel (i, j) was at (i + shear j, j + lean i), but for where it begins; edges are repeated."""
     aside = math.ceil(abs(lean) * image.rows)
     columns = image.columns + aside
     late = math.ceil(abs(shear) * columns)
@@ -130,10 +121,7 @@ def sample(image: Image, origin: complex, along: complex, across: complex, first
 
 @kernel
 def resample(source: Pixels, wanted: Pixels, begin: complex, along: complex, across: complex, top: float) -> None:
-    """See `sample`. Cubic convolution of Keys (1981), a = -1/2; beyond the edges the edge is repeated.
-
-    Positions count from the first pixel's centre; `top` is the lightest value.
-    """
+    """See `sample`, from pixels' centres: cubic convolution of Keys (1981), a = -1/2; the edge is repeated."""
     rows, columns = source.shape
     of_rows, of_columns = np.empty(4), np.empty(4)
     for i in range(wanted.shape[0]):
@@ -158,10 +146,8 @@ def place(before: Image, strip: Image) -> Placement:
     shifts = _shifts(_binned(before, first, before.rows), _binned(strip, 0, length))
     tried = [align(before, strip, complex(first + down * DOWN, across * ACROSS), ROUGHLY) for down, across in shifts]
     rough = sorted(tried, key=lambda each: -each.match)[:FINE]
-    fine = sorted(
-        (align(before, strip, each.offset, FINELY, each.turn) for each in rough), key=lambda each: -each.match
-    )
-    best, *others = fine or [Placement(0j, 0.0, 0.0)]
+    fine = [align(before, strip, each.offset, FINELY, each.turn) for each in rough] or [Placement(0j, 0.0, 0.0)]
+    best, *others = sorted(fine, key=lambda each: -each.match)
     return best._replace(second=max((each.match for each in others), default=0.0))
 
 

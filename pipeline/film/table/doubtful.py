@@ -1,7 +1,5 @@
 """Places of a film that a person should look at, in order of what they may do to gravity."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -26,9 +24,8 @@ TOLD = {  # flags of the record: words for them, and the least length that is to
 def doubtful(reading: Reading, clock: Callable[[float], str]) -> list[dict[str, Any]]:
     """Places in order of harm; `harm_mgal` is by how much gravity moves if the place is as wrong as it may be.
 
-    A phase wrong by d rad for s seconds at x from the middle of a record of length T changes the rate of its phase by
-    12 d s x / T^3, a step of the clock by t at the share y of the record by 6 t y (1 - y) / T of itself; gravity, over
-    itself, by twice what the rate is changed by.
+    A phase wrong by d rad for s seconds at x from the middle of a record of length T changes its rate by 12 d s x /
+    T^3, a step of the clock by t at the share y by 6 t y (1 - y) / T of itself; gravity by twice that, relative.
     """
     axis, tracks = reading.axis, reading.tracks
     known = np.flatnonzero(np.isfinite(axis.seconds))

@@ -1,7 +1,5 @@
 """Gravity of a record that changes while a person looks on: told at once from the last reduction, then reduced anew."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
@@ -31,12 +29,8 @@ class Gravity:
     refused: str | None = None
 
 
-def going_on(record: DataTree, last: Joint | None) -> Gravity:
-    """Gravity by the explanation of an earlier reduction, fitted to other readings of the same film.
-
-    What other explanations, gaps and doubts added to value and sigma there is added here. Nothing is told where the
-    record reaches over another time: its path is another.
-    """
+def going_on(record: "DataTree", last: Joint | None) -> Gravity:
+    """Gravity by an earlier reduction, refitted, its additions kept; none where the record reaches over other times."""
     if last is None or last.reduction.gravity is None:
         return Gravity()
     old = last.outcome.fit
@@ -53,11 +47,8 @@ def going_on(record: DataTree, last: Joint | None) -> Gravity:
     more = max(last.outcome.sigma**2 - spread**2, 0.0)
     own = float(np.sqrt(sigma**2 + more)) * max(choice.unexplained(fit), last.outcome.spread)
     ratio, total = 1.0 + (value - was) / last.outcome.mean, last.reduction.gravity
-    return Gravity(
-        total.gravity * ratio,
-        total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread)),
-        "joint, gone on with from the last reduction",
-    )
+    whole = total.sigma * max(1.0, own / (last.outcome.sigma * last.outcome.spread))
+    return Gravity(total.gravity * ratio, whole, "joint, gone on with from the last reduction")
 
 
 def _grid(problem: Problem) -> tuple[int, float, float]:
@@ -78,7 +69,7 @@ class Refining:
         """Whether a reduction is under way."""
         return self._reduction is not None
 
-    def begin(self, record: DataTree) -> None:
+    def begin(self, record: "DataTree") -> None:
         """Reduce a record; what was under way is stopped."""
         self.stop()
         self._reduction = self._pool.schedule(_reduce, args=[record.to_dict()])

@@ -1,7 +1,5 @@
 """The server of the table: to whom it answers (`guarded`), what (`Desk`), and until when (`serve`)."""
 
-from __future__ import annotations
-
 import contextlib
 import hmac
 import json
@@ -49,7 +47,7 @@ _HEADERS = {
 class Desk:
     """Brings requests, each in a thread of its own, to the session: one change at a time, and one look beside it."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: "Session") -> None:
         self.session = session
         self.end: Callable[[], object] = lambda: None
         self._editing, self._using, self._looking = threading.Lock(), threading.Lock(), threading.Lock()
@@ -171,10 +169,7 @@ async def _content(request: Request) -> dict[str, Any]:
 
 
 def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
-    """Answer requests that come from this machine's own pages and bring the token; refuse all others.
-
-    `begin` is called when the first request may come, and Ctrl-C is heeded.
-    """
+    """Answer this machine's own pages that bring the token, refuse others; `begin` is called before the first."""
 
     def static(path: Path) -> Route:
         text, kind = path.read_text(encoding="utf-8").replace("TOKEN", token), _KINDS[path.suffix]
@@ -216,15 +211,13 @@ def guarded(desk: Desk, token: str, begin: Callable[[], object]) -> ASGIApp:
 
 
 def serve(
-    session: Session, *, port: int = 0, browser: bool = True, ready: Callable[[str], object] | None = None
+    session: "Session", *, port: int = 0, browser: bool = True, ready: Callable[[str], object] | None = None
 ) -> None:
     """Serve a session on 127.0.0.1 until the person is done, or Ctrl-C. The address, with its token, goes to stderr.
 
-    `tile` and `overlay` of the session are called while an edit may be under way: they show the last finished reading.
-    Of all else one is called at a time. `port` 0 is any that is free; `browser`: the page is opened where this machine
-    has a display; `ready` is called with the address as soon as requests are taken.
-
-    `UsageError`: the port cannot be had.
+    While an edit is under way `tile` and `overlay` show the last finished reading; all else is called one at a time.
+    `port` 0 is any that is free, `UsageError` where it cannot be had; `browser` opens the page where there is a
+    display; `ready` is called with the address as soon as requests are taken.
     """
     token = secrets.token_urlsafe(32)
     desk = Desk(session)

@@ -1,10 +1,7 @@
 """A film on the table: its edits, what they make of it, and what the page shows.
 
-An edit follows the stretches that it touches once more, and estimates gravity at once from the last reduction; the
-whole reduction follows in a process of its own, which the next edit ends.
+An edit gives gravity at once, from the last reduction; the whole one follows in a process that the next edit ends.
 """
-
-from __future__ import annotations
 
 import getpass
 import io
@@ -53,7 +50,7 @@ class Session:
     jobs: int
     reading: Reading | None = None
     refusal: IsochronyError | None = None
-    record: DataTree | None = None  # as it is now; None where the film is refused
+    record: "DataTree | None" = None  # as it is now; None where the film is refused
     saved_at: str | None = None
 
     def __post_init__(self) -> None:
@@ -67,20 +64,10 @@ class Session:
 
     @staticmethod
     def open(
-        paths: Sequence[Path],
-        description: FilmDescription | None = None,
-        options: FilmOptions | None = None,
-        *,
-        edits: Path | None = None,
-        who: str | None = None,
-        jobs: int = 1,
-        progress: Progress | None = None,
-    ) -> Session:
-        """Follow the traces of a film; its edits are taken up where their file is there.
-
-        `FileError, RecordError, RefusedError`: the film cannot be opened, nothing swings on it, or the edits are of
-        another scan.
-        """
+        paths: Sequence[Path], description: FilmDescription | None = None, options: FilmOptions | None = None, *,
+        edits: Path | None = None, who: str | None = None, jobs: int = 1, progress: Progress | None = None,
+    ) -> "Session":  # fmt: skip
+        """Follow a film's traces, take up its edits; raises as `open_film`, `find_time`, `check_scan` of these."""
         path, options = edits_path(paths[0]) if edits is None else edits, options or FilmOptions()
         made = load_edits(path) if path.exists() else None
         if made is not None:
@@ -124,10 +111,7 @@ class Session:
         }
 
     def edit(self, *edits: dict[str, Any]) -> dict[str, Any]:
-        """Add an edit, or several as one step, read their stretches again, and give the state.
-
-        `RecordError`: it cannot be meant; nothing is changed.
-        """
+        """Add an edit, or several as one step; the new state. `RecordError`: it cannot be meant, nothing changes."""
         own = {"by": self.who, "at": datetime.now(UTC).isoformat(timespec="seconds")}
         made = [{key: value for key, value in each.items() if value is not None} | own for each in edits]
         content = self.edits.model_dump(mode="json")

@@ -1,24 +1,16 @@
 """Motion of a trace along the film: the Kalman filter's steps, and the exposure that the moving spot leaves on a row.
 
-State of a trace at the row it crosses: place m of the slow part, its rate m1 and the rate's rate m2 (all by rows),
-rotating pair p, q and its frequency w (rad per row), so that, s rows on,
+State at a row: place m of the slow part, its rate m1 and the rate's rate m2 (all by rows), rotating pair p, q and its
+frequency w (rad per row): s rows on x(s) = m + m1 s + m2 s^2/2 + p cos(w s) - q sin(w s). Where the slit lies askew
+(`shear` rows per column), s runs along the film and the light of s falls on row s + shear (x(s) - x(0)).
 
-    x(s) = m + m1 s + m2 s^2/2 + p cos(w s) - q sin(w s).
-
-Where the line of the slit lies askew to the rows (`shear` rows per column), s runs along the film and the light of s
-falls on row s + shear (x(s) - x(0)).
-
-The spot is a Gaussian of the same width along and across the film, and film darkens by how long it is lit. So a row
-gets from each stretch of the trace near it the cut through a Gaussian,
+The spot is a Gaussian of the same width along and across the film, and film darkens by how long it is lit:
 
     E(u) = int ds open(s) g(r - r(s)) exp(-(u - x(s))^2 / 2 spot^2),   g of area 1 and width `spot`,
 
-which is 1 on the axis of a line at rest, 1/sqrt(1 + slope^2) on that of a straight line, and exact also where the
-trace turns within the spot, near its other stroke, and beside a gap of the shutter. Steps are fine enough (1.25
-spots along the trace) that the sum of Gaussians is as good as the integral: 1e-5.
+is 1 on the axis of a line at rest, 1/sqrt(1 + slope^2) on that of a straight line, and exact in turns and beside gaps
+of the shutter. Steps of 1.25 spots along the trace make the sum as good as the integral: 1e-5.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -59,10 +51,7 @@ def _carry(change: Floats, step: float, c: float, s: float, p: float, q: float) 
 
 @kernel
 def advance(state: Floats, covariance: Floats, noise: Floats, rows: float, shear: float) -> None:
-    """Carry a state and its covariance on, in place, by `rows` (+1 or -1) rows of the image.
-
-    `noise` (3,) is the growth a row of the variance of m2, of w and of p and q.
-    """
+    """Carry state and covariance on, in place, by +1 or -1 rows; `noise` (3,) is that of m2, w and (p, q)."""
     step = rows
     if shear != 0.0:  # the step along the film that moves the trace by whole rows of the image
         for _ in range(4):
@@ -186,11 +175,9 @@ def _along_film(state: Floats, shear: float, rows: float) -> float:
 
 @kernel
 def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float, nodes: Floats) -> int:
-    """Where the spot was while it lit the row with centre line `row`; returns the number of nodes.
+    """Number of `nodes` (3, n), overwritten, of the spot while it lit a `row`: column, weight, rows along the film.
 
-    `state` is that of the trace at this row; `gaps` (n, 2) are first and last rows of the shutter's gaps
-    along this trace, rising, whose light counts negative. `nodes` (3, n) are overwritten: column, weight, and rows
-    along the film from this row.
+    `gaps` (n, 2) are first and last rows of the shutter's gaps along this trace, rising, whose light counts negative.
     """
     steepest = abs(state[1]) + abs(state[5]) * math.sqrt(state[3] * state[3] + state[4] * state[4])
     reach = REACH * spot * (1.0 + abs(shear) * steepest)
@@ -209,11 +196,7 @@ def nodes_of(state: Floats, spot: float, shear: float, gaps: Floats, row: float,
 
 @kernel
 def profile(nodes: Floats, count: int, shift: float, tilt: float, spot: float, first: int, out: Floats) -> None:
-    """What nodes leave on the pixels from `first` on: exposure, its derivatives by shift and slope, `out` (3, pixels).
-
-    Neighbouring values of a Gaussian differ by a factor that itself changes by a constant factor: two exponentials a
-    node.
-    """
+    """What nodes leave on pixels from `first` on: exposure, its derivatives by shift and slope, `out` (3, pixels)."""
     scale, reach = 0.5 / (spot * spot), REACH * spot
     light, by_shift, by_slope = out[0], out[1], out[2]
     out[:] = 0.0

@@ -1,11 +1,8 @@
 """Rows of a piece of film that was followed both ways: read, judged and flagged.
 
-Gaps of the shutter are estimated from a trace's brightness row by row, and fitted to the pixels. The spot blurs a gap,
-but not the light that is missing: its sum over the rows is the gap's length, and its centre of gravity the gap's
-middle. Beside a gap a row holds part of a line, whose cut is not that of a whole one, so that this is a first guess.
+Gaps are estimated from a trace's brightness row by row, and fitted to the pixels. The spot blurs a gap, but not the
+light that is missing: its sum over the rows is the gap's length, its centre of gravity the middle; a first guess.
 """
-
-from __future__ import annotations
 
 from itertools import combinations
 
@@ -59,11 +56,7 @@ def read_both(
     emulsion: FilmEmulsion, optics: Optics, period: float, tracks: Tracks, misfit: NDArray[np.float32], first: int,
     darkness: NDArray[np.float32], forth: Piece, back: Piece, above: int, light: Floats,
 ) -> None:  # fmt: skip
-    """Fill the piece's rows of `tracks` and `misfit` (traces, rows of the film); pieces do not touch each other's.
-
-    `period` is the rows in a swing, `darkness` that of the rows from `first` on, `light` (traces, more rows) the
-    brightness of the lines from `above` rows before them on, NaN where not followed.
-    """
+    """Fill the piece's rows of `tracks` and `misfit`; `light` (traces, more rows) begins `above` rows before them."""
     rows = len(darkness)
     course = combined(forth, back, optics.spot, optics.shear)
     states, known = course.states, course.known > 0
@@ -129,10 +122,7 @@ def fitted_gaps(
     darkness: NDArray[np.float32], first: int, place: Floats, slope: Floats, gaps: list[Floats], emulsion: FilmEmulsion,
     period: float,
 ) -> list[Floats]:  # fmt: skip
-    """Gaps of all traces, first and last rows (n, 2), fitted to the film from row `first` on; as given where it fails.
-
-    `place` and `slope` (traces, rows) are those of the courses, NaN where not known, `period` the rows in a swing.
-    """
+    """Gaps of all traces, first and last rows (n, 2), fitted to film from row `first` on; as given where it fails."""
     table, exposure = np.concatenate(gaps) - first, emulsion.lit(np.nan_to_num(darkness))
     trace = np.repeat(np.arange(len(gaps)), [len(each) for each in gaps])
     known = Known(emulsion.spot, emulsion.shear, *grain(emulsion), LATERAL, LENGTH_PRIOR, 0.5 * period)
@@ -158,9 +148,8 @@ def judge(
 ) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
-    `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `open_share` is the light let
-    through by the shutter, `lamp` the brightness in the open, and `black` says where the film can be no darker. What is
-    hidden is a dark mark if the film is `marked` by these.
+    `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `lamp` is the brightness in the
+    open, and `black` says where the film can be no darker. On a `marked` film what is hidden is a dark mark.
     """
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
@@ -210,11 +199,7 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
 
 
 def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one.
-
-    A row of which the shutter cut off a part is wrong by up to half a row; where lines are faint its own light hardly
-    shows it, but a gap takes light from several rows together.
-    """
+    """Which rows lie where light is lacking on rows beside each other: a gap too faint to be found as one."""
     ends = np.ones(CUT_ROWS)
     total, spread = np.convolve(np.where(followed, lack, 0.0), ends), np.convolve(variance, ends)
     lacking = total > np.maximum(CUT, CUT_SIGMA * np.sqrt(spread))
@@ -231,11 +216,7 @@ def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: 
 
 
 def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
-    """The traces, where they can be trusted; `misfit` (traces, rows) are mean squares in units of the grain's, whose
-    variance grows with darkness by `growth`.
-
-    `RefusedError`: something else lies on a trace, one is hardly read, or two are one line.
-    """
+    """The traces, if trusted by `misfit` (traces, rows); `RefusedError`: one is no line or hardly read, two are one."""
     most = UNLIKE * max(1.0, ROUGH / growth)
     for trace, each in enumerate(misfit):
         known = each[np.isfinite(each)]

@@ -1,7 +1,5 @@
 """The harmonic Kalman filter, run over pieces and sections of film in either direction; both combined."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -83,7 +81,7 @@ class Filter(NamedTuple):
     memory: float  # share by which one row counts in `quality`
 
     @staticmethod
-    def idle(traces: int, period: float) -> Filter:
+    def idle(traces: int, period: float) -> "Filter":
         """A filter that follows nothing yet."""
         states, covariances = np.zeros((traces, STATES)), np.zeros((traces, STATES, STATES))
         alive, begins = np.zeros(traces, np.int64), np.full(traces, -1)
@@ -93,7 +91,7 @@ class Filter(NamedTuple):
         )
 
     @staticmethod
-    def of(swings: Sequence[Swing], row: float) -> Filter:
+    def of(swings: Sequence[Swing], row: float) -> "Filter":
         """A filter whose next step leads from `row` to the first row to be read."""
         out = Filter.idle(len(swings), float(np.median([swing.period for swing in swings])))
         for k, swing in enumerate(swings):
@@ -112,7 +110,7 @@ class Filter(NamedTuple):
         bend = BEND_GROWTH * amplitude**2 / period**5
         self.noise[trace] = bend, FREQUENCY_GROWTH / period**3, PAIR_GROWTH * amplitude**2 / period
 
-    def turned(self) -> Filter:
+    def turned(self) -> "Filter":
         """The same at the end of a piece, started again from where the traces are."""
         for k in np.flatnonzero(self.alive).tolist():
             self.restart(k, self.states[k].copy(), float(self.lamp[k]))
@@ -162,11 +160,7 @@ def _predict(begun: Filter, i: int, order: int, lens: Lens, lines: Floats, piece
 
 @kernel
 def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, lines: Floats) -> Piece:
-    """Follow all traces over a piece of film, along it (order 1) or against it (-1).
-
-    `begun` is the filter before the first row to be read, and is overwritten by that after the last; `lines` (traces,
-    rows) are columns where a person says that traces run, NaN elsewhere, or `NO_LINES`.
-    """
+    """Follow all traces along (1) or against (-1) a piece, on `lines` if any; `begun` becomes the filter after it."""
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
     rows, traces, spot, shear = darkness.shape[0], alive.size, lens.spot, lens.shear
     piece, prior = _blank_piece(traces, rows), np.ones((traces, 2))

@@ -1,11 +1,8 @@
 """A first look at the film: sections here and there, what swings on them, and with what spot, slit, curve and grain.
 
-A line's exposure follows from its slope alone (dwell time), and slopes run from 0 at the turning points to the steepest
-in the middle: the same film shows the same emulsion at all exposures, and the darkness of the pixels against the
-exposure that the spot must have left there is the characteristic curve.
+A line's exposure follows from its slope alone (dwell time), which runs from 0 at the turning points to the steepest in
+the middle: the pixels' darkness against the exposure that the spot must have left is the characteristic curve.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -93,10 +90,7 @@ def sections(rows: int, height: int) -> Iterator[tuple[int, int]]:
 
 
 def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> Section | None:
-    """The section that shows most traces, with optics fitted to one; None if nothing swings on the film.
-
-    Of an emulsion whose spot is known the shear alone is fitted.
-    """
+    """The section that shows most traces, with optics (of a known spot the shear alone) fitted; None without one."""
     height, known = FIRST_ROWS, emulsion.spot > 0.0
     while True:
         tried: list[tuple[int, int]] = []
@@ -133,10 +127,7 @@ def _whole(read: list[Section], count: int | None) -> list[Section]:
 
 
 def refine(section: Section, fixed: bool) -> Section:
-    """Optics fitted to the section, the section read anew with them, and so on: a first guess of the curve misleads.
-
-    With `fixed` optics the shear alone is fitted.
-    """
+    """Optics fitted to the section and it read anew, as a first curve misleads; if `fixed`, the shear alone."""
     optics, shown, pace = section.optics, 0.0, HIDDEN
     for turn in range(REFINEMENTS):
         before, last, shown = optics, shown, measure_shear(section)
@@ -174,10 +165,7 @@ def _read_askew(
 
 
 def calibrate(section: Section, optics: Optics) -> Optics:
-    """Spot, curve and grain fitted to a section; the ones given where the section says too little.
-
-    Gauss-Newton for the logarithms of spot and curve, with pixels far off weighed down.
-    """
+    """Spot, curve and grain fitted to a section, outliers weighed down; those given where it says too little."""
     rows, traces, lamp, typical = _open_rows(section, optics.spot)
     if rows.size < LEAST_ROWS:
         return optics
@@ -224,11 +212,7 @@ def _exposures(
     darkness: NDArray[np.float32], rows: NDArray[np.int64], traces: NDArray[np.int64], states: Floats, lamp: Floats,
     spot: float, window_spot: float, shear: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Exposure that the model leaves on the pixels about some `rows` (n,) of some `traces` (n,), and their darkness.
-
-    `states` (n, traces, 6) and `lamp` (n, traces) are those of all traces on those rows, a lamp of 0 for one that is
-    left out; the windows are chosen for a spot of `window_spot`.
-    """
+    """Modelled exposure and darkness about `rows` of `traces` (n,), windows by `window_spot`; lamp 0: left out."""
     columns = darkness.shape[1]
     exposure, dark = np.zeros((2, rows.size * columns))
     nodes, gaps, count = np.empty((3, MOST_NODES)), np.empty((0, 2)), 0

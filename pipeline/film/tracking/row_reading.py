@@ -4,13 +4,9 @@ Darkness is a known function f of exposure, exposures of several lines add up, a
 
     y(u) = background + f(sum_k brightness_k E_k(u - shift_k)) + noise of variance v0 + v1 f.
 
-Where a trace turns, what lies on a row depends as much on when it turned as on where: the slope of its course may be
-wrong by what the course is uncertain, and the fit allows for it.
-
-Fitted in darkness, where the grain is normal, and not in exposure, where the toe of the curve would bend it.
+Where a trace turns, its slope may be wrong by what the course is uncertain, and the fit allows for it. Fitted in
+darkness, where the grain is normal, and not in exposure, where the toe of the curve would bend it.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -171,12 +167,9 @@ def read_row(
     Returns (traces, 6): shift, its variance, brightness, its variance, mean square residual in units of the noise, and
     variance of the shift if the trace lay alone; variances are inf where a trace is not known or off the image.
 
-    `darkness` (columns,) is that above blank film, NaN where nothing is to be read: the brightness of a trace that
-    meets it is NaN. `states` (traces, 6) are those at this row, `alive` (traces,) is 0 where a trace is not known,
-    `lamp` (traces,) the brightness to start from. `prior` (traces, 2) are variances of the shift as known before, for
-    the sake of the OTHER traces of the group (inf for none), and of the slope. `gaps` (n, 2) are those of all traces,
-    of trace k from `gap_of[k]` to before `gap_of[k + 1]`. The fit ends with a step of `settled`, over 1.5 spots of the
-    normal.
+    `darkness` (columns,) is NaN where nothing is to be read, and so then is a brightness. `states` (traces, 6) are at
+    this row, `alive` 0 where unknown, `lamp` the brightness to start from; `prior` (traces, 2) are variances of the
+    shift, for the other traces' sake, and of the slope; `gaps` (n, 2) trace k's from `gap_of[k]` to `gap_of[k + 1]`.
     """
     spot, traces, columns = lens.spot, states.shape[0], darkness.size
     fit, nodes, counts = np.zeros((traces, 6)), np.empty((traces, 3, MOST_NODES)), np.empty(traces, np.int64)
@@ -229,11 +222,7 @@ def read_piece(
     darkness: Floats32, first: int, states: Floats, known: NDArray[np.uint8], slope_variance: Floats, lamp: Floats,
     gaps: Floats, gap_of: Integers, lens: Lens,
 ) -> Floats:  # fmt: skip
-    """Read all traces row by row from row `first` of the film on: what `read_row` gives, and slope, (traces, rows, 7).
-
-    `states` (rows, traces, 6) and `slope_variance` (traces, rows) are those of the course, `lamp` (traces, rows) the
-    brightness in the open; the brightness that is read is that of the light let through.
-    """
+    """Read rows from `first` on by courses `states` (rows, traces, 6): `read_row` and slope, (traces, rows, 7)."""
     rows, traces = states.shape[:2]
     out = np.empty((traces, rows, 7))
     alive, now, prior = np.empty(traces, np.int64), np.empty(traces), np.full((traces, 2), math.inf)

@@ -1,11 +1,8 @@
 """Which traces swing on a piece of film: hypotheses from turning points, proven by following them.
 
-Two turning points on one side and one on the other between them fix a harmonic on a slow curve. The hypothesis is
-judged by the share of its way on which the paper is darker than on both sides: nothing but a swinging trace is dark
-along 1.5 periods of such a curve.
+Two turning points on one side and one on the other between them fix a harmonic on a slow curve. It is judged by how far
+the paper is darker than on both sides: nothing but a swinging trace is so along 1.5 periods.
 """
-
-from __future__ import annotations
 
 import math
 
@@ -123,10 +120,7 @@ def _coincide(one: Piece, other: Piece, spot: float) -> bool:
 
 
 def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, period: float | None = None) -> list[Swing]:
-    """Swinging traces on a piece of film that starts at row `first`, the surest first.
-
-    `sigma` is that of one pixel of blank film, `period` the rows in a full swing, if known.
-    """
+    """Swinging traces from row `first` on, surest first; `sigma` of a blank pixel, `period` in rows, if known."""
     smooth, points = turning_points(np.nan_to_num(darkness), spot)
     if points.shape[0] < 3:
         return []
@@ -150,12 +144,7 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
 
 
 def spot_size(darkness: Floats32) -> float:
-    """1 sigma of the spot, px, from how alike rows are that lie close together.
-
-    Most of a trace runs steeply across the rows, and its cut along the film is the spot's own profile. The likeness at
-    a distance d falls as exp(-d^2/4 spot^2); the distance 0 holds the grain and is left out, and so are the darkest
-    pixels: dirt and turning points, wider than a line.
-    """
+    """1 sigma of the spot, px: at a distance d rows are alike by exp(-d^2/4 spot^2); darkest pixels left out."""
     clipped = np.clip(darkness, 0.0, np.quantile(darkness, 1.0 - DARK_SHARE)).astype(np.float64)
     clipped -= clipped.mean()
     top = max(3, min(100, darkness.shape[0] // 4))
@@ -168,10 +157,7 @@ def spot_size(darkness: Floats32) -> float:
 
 
 def turning_points(darkness: Floats32, spot: float) -> tuple[Floats32, Floats]:
-    """Smoothed darkness, and the points (n, 3): row, column, +1 where the trace turns at its greatest column, else -1.
-
-    Points count px from the piece's edges.
-    """
+    """Smoothed darkness, and points (n, 3): row, column, px, +1 where a trace turns at its greatest, else -1."""
     from scipy import ndimage
 
     smooth: Floats32 = ndimage.gaussian_filter(darkness, 0.8 * spot, mode="nearest")

@@ -3,8 +3,6 @@
 Pixels are decoded ahead, and rows are read behind, in any thread. Nothing but numbers per row is kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -76,10 +74,7 @@ class Film:
 
 @dataclass
 class Following:
-    """Traces followed along the film and back, and what it takes to follow a stretch of it once more.
-
-    Arrays are (traces, rows); `place`, `variance`, `light` and `followed` are those of the way along.
-    """
+    """Traces followed along, (traces, rows), and back, and what it takes to follow a stretch of it once more."""
 
     film: Film
     section: Section
@@ -93,7 +88,7 @@ class Following:
     behind: dict[int, Filter] = field(default_factory=dict)  # the same on the way back
 
     @staticmethod
-    def of(film: Film, section: Section) -> Following:
+    def of(film: Film, section: Section) -> "Following":
         """All traces of a section followed over the whole film, both ways."""
         traces, rows = len(section.swings), film.scan.rows
         tracks = Tracks.empty(traces, rows, film.period, film.optics.spot, film.optics.shear)
@@ -105,7 +100,7 @@ class Following:
         out.tracks = replace(tracks, rows_per_swing=usual_swing(tracks))
         return out
 
-    def again(self, edits: Placed, jobs: int = 1) -> Following:
+    def again(self, edits: Placed, jobs: int = 1) -> "Following":
         """The same with the stretches that a person edited followed once more."""
         traces, rows = self.followed.shape
         lines = edits.courses(traces, rows)
@@ -181,10 +176,7 @@ class Following:
             yield first, darkness, forth, back, first - low, self.light[:, low : stop + margin].copy()
 
     def _look_again(self, begun: Filter, first: int, stop: int, last: Last) -> None:
-        """Find traces that are not being followed on this piece and what comes next, and say which is which.
-
-        Within the first section its own reading says so; beyond it traces are known by where and how they swung last.
-        """
+        """Find traces that are not being followed, and say which is which by where and how they swung last."""
         section, names = self.section, list(range(len(last)))
         if first >= section.first + section.darkness.shape[0]:
             again = self.film.section(first, stop, len(last))
@@ -214,18 +206,10 @@ class Following:
 
 
 def follow_traces(
-    scan: OpenScan,
-    emulsion: FilmEmulsion,
-    *,
-    count: int | None = None,
-    jobs: int = 1,
+    scan: OpenScan, emulsion: FilmEmulsion, *, count: int | None = None, jobs: int = 1,
     progress: Callable[[int, int], None] | None = None,
-) -> Following:
-    """Find the traces of a film, and follow them both ways; `emulsion` is that of `measure_emulsion`.
-
-    `count` is the number of traces where it is known, `jobs` that of threads that may work; `progress` is called with
-    rows done and rows to do. `RefusedError`: nothing swings on the film, or fewer traces than were expected.
-    """
+) -> Following:  # fmt: skip
+    """Find a film's traces, `count` if known, and follow them both ways; `RefusedError`: nothing swings, or fewer."""
     section = probe(scan, emulsion, count)
     if section is None:
         raise RefusedError(NOTHING)
@@ -267,10 +251,7 @@ def first_section(film: Film, probed: Section) -> Section:
 
 
 def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | None:
-    """First row, not before `least`, from which on a trace is read on most rows of half a swing.
-
-    Beyond the ends of a film chance readings of the grain are met, and a trace begun on one is lost again at once.
-    """
+    """First row from `least` on with most of half a swing read: beyond a film's ends chance readings are met."""
     half = max(4, round(0.5 * period))
     total = np.concatenate([[0], np.cumsum(read)])
     rows = np.flatnonzero(read)

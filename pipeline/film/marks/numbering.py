@@ -111,7 +111,8 @@ def number_marks(search: GapSearch, tracks: Tracks, marking: Marking, marks: Mar
     late = alignment.offset + alignment.shear * np.array([median_present(each) for each in tracks.course])
     swings = swings_at(tracks, events, events.row + late[:, None], spacing)
     bars = together(search.bars, late)
-    bars = bars if across is None else unlike_minutes(bars, events, swings, spacing, marking)
+    if bars and across is not None:
+        bars = unlike_minutes(bars, events, swings, spacing, marking)
     stands = sorted([*bars, *(Stand(row, np.nan, True) for row in marks.breaks.tolist())])
     every = count_over_stands(events, stands, swings, spacing, marking, clock)
     known = longest(every, every.lead < 0.0)

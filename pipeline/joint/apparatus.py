@@ -1,5 +1,6 @@
 """Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ ZERO = 0.01  # rad: 1 sigma of a trace's zero, of its drift over the record, and
 GAIN = 0.01  # of a trace's scale
 DELAY = 0.01  # s, of a step of the clock, and at least of one trace against the others
 IN_TURN, MOST_DELAY = 0.5, 0.05  # of the interval between readings, where traces are read one after the other; s
-KNOCK = 1e-4  # rad s-1: of a step of a pendulum's speed
+KNOCK = 1e-3  # rad s-1: of a step of a pendulum's speed
 DAMPING = 0.3  # of a stated rate
 CUBIC = 3.0  # rad-2, of the optics: a mirror on a flat film has 4/3
 RATIO = 1e-5  # of the square of a frequency against the others
@@ -89,11 +90,14 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
 
 
 def steps(problem: Problem, times: Floats) -> list[Constant]:
-    """Steps of each zero, of the clock and of each pendulum's speed (which, the readings hardly tell) at times, s."""
+    """Steps of each zero, of the clock and of each pendulum's swing (which, the readings hardly tell) at times, s: any
+    change of a swing is that of its speed then and a quarter of a swing later."""
     found = [step_of_zero(j, float(at)) for at in times for j in range(problem.traces)]
+    after = (0.0, 0.5 * np.pi / problem.swing)
     for at in times.tolist():
         words = f"knock of a pendulum at {at:.1f} s"
-        found += [Constant(words, kinds.KNOCK, KNOCK, i, centre=at) for i in range(problem.pendulums)]
+        every = product(range(problem.pendulums), after)
+        found += [Constant(words, kinds.KNOCK, KNOCK, i, centre=at, width=later) for i, later in every]
     return [*found, *(step_of_clock(float(at)) for at in times)]
 
 

@@ -12,6 +12,7 @@ from pipeline.joint.constants import Constant, Constants, Solution, solve, splin
 KNOTS, SPACINGS = (4, 24, 64), (60.0, 600.0)  # least, most of a short record, most; s: least, and most of a short one
 SIZES = 1e-6 * np.array([0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
 """Root mean squares of the change over reference gravity that are tried: .3 to 300 mGal."""
+IN_GAP = "motion in the gap"  # of a constant's name: it acts as gravity does, and is none
 LENGTHS = np.array([0.1, 0.3, 1.0])  # Correlation times that are tried, of the record's length
 
 
@@ -35,7 +36,7 @@ def knots(duration: float) -> Constants:
 
 def is_knot(constant: Constant) -> bool:
     """Whether a constant is one of a course."""
-    return constant.kind == kinds.GRAVITY and constant.width > 0.0
+    return constant.kind == kinds.GRAVITY and constant.width > 0.0 and not constant.name.startswith(IN_GAP)
 
 
 def prior_root(constants: Constants, course: Course | None) -> Floats:
@@ -62,7 +63,7 @@ def weights(constants: Constants, times: Floats) -> Floats:
     """Rows that give gravity over reference gravity at times since the first node, (n, c)."""
     out = np.zeros((times.size, len(constants)))
     for k, each in enumerate(constants):
-        if each.kind == kinds.GRAVITY:
+        if is_knot(each) or (each.kind == kinds.GRAVITY and each.width == 0.0):
             out[:, k] = 1.0 if each.width == 0.0 else spline(times, each)
     return out
 

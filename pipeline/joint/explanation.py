@@ -11,6 +11,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import kinds, passes
 from pipeline.joint.constants import Constant, Constants, Solution, solve
 from pipeline.joint.course import Course, mean_gravity, prior_root
+from pipeline.joint.lattice import LONG_GAP
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Component, Ship
 
@@ -19,7 +20,7 @@ PAYS = 5.0  # in log-likelihood
 OUTLIER = float(np.log(0.01 / 0.1))  # of a reading in a hundred, over .1 rad
 BROKEN = 200.0  # in log-likelihood, that pendulums which were knocked at a node must be worth
 STRAIGHT = 0.02  # of the reading noise
-CONTRACTION, LONG_GAP = 0.01, 5.0  # of what bends, a pass; s
+CONTRACTION = 0.01  # of what bends, a pass
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,8 @@ def bend(model: Model, path: Floats, about: Floats) -> float:
     within = 0.5 * float(problem.kappa.max()) * problem.lattice.step**2
     off = np.abs(away[:, :two:2]).max(axis=1) + within * (horizontal + angle * vertical)
     turns = float(np.sqrt(problem.kappa.max())) * problem.lattice.duration / 2.0
-    mean = float(np.mean(off * (vertical + angle * (off + horizontal))))
+    read = problem.lattice.apart < LONG_GAP  # what is amiss in a long gap, `unfollowed.gaps` holds
+    mean = float(np.mean(read * off * (vertical + angle * (off + horizontal))))
     return mean * turns / float(model.assumed.noise[: problem.traces].min())
 
 
@@ -220,6 +222,7 @@ def astray(model: Model, path: Floats, about: Floats) -> float:
         sine, cosine = np.sin(at), np.cos(at)
         rest = (1.0 + z) * (np.sin(angle) - sine) + u * (np.cos(angle) - cosine)
         rest -= ((1.0 + along) * cosine - across * sine) * (angle - at)
+        rest *= model.problem.lattice.apart < LONG_GAP
         worst = max(worst, abs(float(rest @ angle) / float(angle @ angle)))
     return worst
 

@@ -7,13 +7,13 @@ import numpy as np
 from data_schemas.errors import RefusedError
 from pipeline.joint import apparatus, choice, explanation, motion
 from pipeline.joint.course import mean_row
-from pipeline.joint.explanation import LONG_GAP
 from pipeline.joint.film_errors import doubt_by_optics, with_clock, without_repeating
 from pipeline.joint.gather import Gathered
+from pipeline.joint.lattice import LONG_GAP
 from pipeline.joint.outliers import of_the_law, reconsidered
 from pipeline.joint.problem import LEVEL
 from pipeline.joint.start import CAPTURE, first_fits
-from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves
+from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves, stiffened
 
 MGAL = 1e-5  # m s-2
 MOST_APART = 10.0  # mGal
@@ -28,7 +28,7 @@ SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which 
 HALF = 0.5
 SUSPECT, AGAIN = 0.02, 2  # share of readings left out that is considered again, so many times at most
 ROUNDED = 0.3  # of the change by rounding, to which it is known
-MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
+MOST_SIGMA = 2e-4  # over gravity: a sigma of 200 mGal says that no swing at the stated period was followed
 
 
 @dataclass(frozen=True)
@@ -203,12 +203,15 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
     if tilted is None:
         return 0.0, 0.0
     tilted = motion.reshaped(tilted) if fit.model.words else tilted
+    swayed = stiffened(tilted)
+    rivals = [fit, *([] if swayed is None else [swayed])]
     # a spectrum that meets the other traces better helps the differences a little too
-    better = tilted.solution.log_likelihood - fit.solution.log_likelihood
+    better = tilted.solution.log_likelihood - max(each.solution.log_likelihood for each in rivals)
     told, least = of_the_law(tilted), TILTS + HELPS * max(better, 0.0)
+    others = max(of_the_law(each) for each in rivals)
     apart = tilted.gravity[0] - fit.gravity[0]
     # kicks follow the differences wherever they go: what they make of all traces is compared
-    against = better > TILTS if "kicks" in fit.model.words else told > of_the_law(fit) + least
+    against = better > TILTS if "kicks" in fit.model.words else told > others + least
     much = abs(apart) * reference > MOST_APART * MGAL
     against &= told > of_the_law(plain) + least and better > 0.0  # what helps these alone is no tilt
     if much and against and motion.is_white(tilted, model.problem.differences):
@@ -217,7 +220,7 @@ def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, refere
             "measured; give record/case_tilt, or attribute reference = 'case' and record/horizontal_acceleration in "
             "the earth's frame"
         )
-    ahead = min(told - of_the_law(fit), better)
+    ahead = min(told - others, better)
     share = 1.0 / (1.0 + np.exp(np.clip((0.0 if fit.model.words else SELDOM) - ahead, -FAR, FAR)))
     if share < UNLIKELY:
         return 0.0, 0.0

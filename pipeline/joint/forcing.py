@@ -53,7 +53,7 @@ def force_columns(task: Task, k: int, n: int, steps: Steps) -> None:
             i = columns.member[c]
             own = np.sqrt(flow.kappa[i] * flow.gravity)
             for s in range(n):
-                left = begin + (s + 1) * flow.step - centre
+                left = begin + (s + 1) * flow.step - centre - width
                 if 0.0 < left <= flow.step:
                     push[f, 2 * i, s], push[f, 2 * i + 1, s] = np.sin(own * left) / own, np.cos(own * left)
                     extra[2 * i, s] += columns.value[c] * push[f, 2 * i, s]

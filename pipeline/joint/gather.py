@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
-NOISY = 1e-6  # of gravity, 1 sigma by the noise of a recorded heave, above which it is a reading of the motion
+NOISY = 1e-7  # of gravity, 1 sigma by the noise of a recorded heave, above which it is a reading of the motion
 ACCELEROMETER = 3e-5  # over reference gravity: noise of an acceleration that is a reading, where it does not show
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
@@ -75,7 +75,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         raise RecordError("record/elongation: no trace has a reading")
     swing, gravity = float(frequency.mean()), float(known["reference_gravity"])
     heave = None
-    if "vertical_acceleration" in stored:
+    if "vertical_acceleration" in stored and known["restoring"] != "linear":  # which linear pendulums do not feel
         heave = np.asarray(stored["vertical_acceleration"].values, dtype=np.float64)
     screening.refuse_wrong_units(time, series, heave, swing, gravity)
     series, more, tilts = _from_the_vertical(record, time, series, combination)

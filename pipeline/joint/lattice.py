@@ -46,9 +46,20 @@ class Lattice:
         return float(np.median(np.diff(np.unique(self.time))))
 
     @cached_property
+    def read(self) -> Floats:
+        """When any trace was read, s since the first node."""
+        return np.unique(self.time[self.trace < self.combination.shape[0]])
+
+    @cached_property
     def longest_gap(self) -> float:
         """s between readings of any trace, at the most."""
-        return float(np.diff(self.time).max(initial=0.0))
+        return float(np.diff(self.read).max(initial=0.0))
+
+    @cached_property
+    def apart(self) -> Floats:
+        """s between the readings of traces about each node, (k,)."""
+        after = np.clip(np.searchsorted(self.read, self.step * np.arange(self.nodes)), 1, self.read.size - 1)
+        return np.asarray(self.read[after] - self.read[after - 1])
 
     @property
     def dense(self) -> bool:
@@ -93,6 +104,7 @@ def folded(frequency: float, step: float) -> float:
     return float(abs(turns - np.rint(turns)) * 2.0 * np.pi / step)
 
 
+LONG_GAP = 5.0  # s
 WINDOW = 25.0  # s
 FAST, FAST_PEAK, FAST_LINE = 1.8, 6.0, 0.3  # of the swing; deviations of a mean power; of the third harmonic
 EVEN = 1e-6  # of a step

@@ -9,7 +9,7 @@ from pipeline.arrays import Floats
 from pipeline.joint.explanation import PAYS, STRAIGHT, Candidate, Fitted, attempted, likelier, path_on, priced
 from pipeline.joint.problem import LEVEL, SPARSE, Assumed
 from pipeline.joint.ship import Axis, Component, Engine, Sea, Vibration, assemble, parameters
-from pipeline.joint.whiteness import CALM, UNKNOWN, Spectrum, clipped, errors_by_frequency, transfer
+from pipeline.joint.whiteness import CALM, UNKNOWN, Spectrum, clipped, errors_by_frequency, shared, transfer
 
 WIDTHS = (1, 256)  # bins of a spectrum that are looked at together
 BROAD = 0.03  # relative width from which motion is the sea's
@@ -43,6 +43,8 @@ NARROW = 1e-3  # of its frequency, a line
 LOOSE = 3.0  # a sea that a rough fit shows keeps so much less to where it began
 MOST_SEAS, MORE, MUCH_MORE = 2, 15.0, 100.0  # of an axis at first; in log-likelihood, of a sea, of what is faster
 ROUNDS, SHARES = 4, (1.0, 0.3)  # of a step that the errors' spectrum asks for
+SWAYED = 30.0  # of a difference's noise, by motion at the swing's frequency
+SWEEPS, FIRST_STEP, TEN, GROWS, SHRINKS = 6, 0.3, 2.3, 1.5, 0.4  # rounds; of a logarithm, and what trials make of it
 
 
 class UnresolvedError(Exception):
@@ -182,6 +184,52 @@ def reshaped(fit: Fitted) -> Fitted:
     return fit if fit.bent < STRAIGHT else attempted(fit.model, fit.path) or fit
 
 
+def polished(fit: Fitted) -> Fitted:
+    """With the ship's parameters where the readings themselves are likeliest, by trial, where the errors' spectra tell
+    them badly: where the ship's motion shows in several traces, the filter turns errors of one into those of another.
+    Of one such trace a trial without so much motion at the swing tells first whether there is much to gain."""
+    ship, noise = fit.model.assumed.ship, fit.model.assumed.noise
+    ends = np.cumsum([parameters((each,)).size for each in ship])
+    if not np.any(shared(fit) != np.eye(noise.size)):
+        if not _sways_differences(fit):
+            return fit
+        swing = np.array([fit.model.problem.swing])
+        loudest = int(np.argmax([float(each.density(swing)[0]) * (each.axis == "horizontal") for each in ship]))
+        flat = isinstance(ship[loudest], Vibration)
+        less = _moved(fit, int(ends[loudest]) - 2 + flat, -TEN if flat else -FIRST_STEP)
+        if less.solution.log_likelihood - fit.solution.log_likelihood < MUCH_MORE:
+            return fit
+        fit = less
+    by = np.full(int(ends[-1]), FIRST_STEP)
+    for _ in range(SWEEPS):
+        before = fit
+        for k in range(by.size):
+            start = fit
+            for side in (by[k], -by[k]):
+                fit = _moved(start, k, side)
+                if fit is not start:
+                    break
+            by[k] *= SHRINKS if fit is start else GROWS
+        if fit.solution.log_likelihood - before.solution.log_likelihood < MUCH_MORE:
+            break
+    return fit
+
+
+def _moved(fit: Fitted, k: int, by: float) -> Fitted:
+    """With the logarithm of one of the ship's parameters changed, if the readings are likelier so."""
+    vector = parameters(fit.model.assumed.ship)
+    vector[k] += by
+    assumed = replace(fit.model.assumed, ship=assemble(fit.model.assumed.ship, vector))
+    return likelier(fit, attempted(replace(fit.model, assumed=assumed), fit.path, most=1))
+
+
+def _sways_differences(fit: Fitted) -> bool:
+    """Whether motion at the swing's frequency, as it is assumed, exceeds the noise of differences by far."""
+    shown, problem = Spectrum.of(fit), fit.model.problem
+    near = np.isin(shown.trace, problem.differences) & (np.abs(shown.centre / shown.swing - 1.0) < LINE)
+    return bool(np.any(shown.expected[near] > SWAYED * (shown.noise[near] @ fit.model.assumed.noise**2)))
+
+
 def _between(one: Assumed, other: Assumed, share: float) -> Assumed:
     """Ship and noise some share of the way from one to another of the same kinds, in logarithms."""
     low, high = parameters(one.ship), parameters(other.ship)
@@ -249,10 +297,11 @@ def _lines(fit: Fitted) -> Iterator[Component]:
 
     for j in dense:
         power, noise = every[j][1:]
-        insensitive = abs(float(lattice.combination[j].sum())) < LEVEL
+        weights = lattice.combination[j]
+        insensitive = abs(float(weights.sum())) < LEVEL
         for at, width in _peaks(power):
             more = float(power[max(at - width // 2, 0) : at + width // 2 + 1].sum()) - width
-            across, aside = (float(transfer(problem, j, frequency[at : at + 1], first)[0]) for first in (0, 1))
+            across, aside = (float(transfer(problem, weights, frequency[at : at + 1], first)[0]) for first in (0, 1))
             square = noise * max(more, 1.0)
             if insensitive and aside > 0.0:  # in planes that are not parallel
                 yield line(at, width, square / aside, "transverse")

@@ -13,6 +13,7 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.outliers import GATE, deviation, isolated, of_the_law, reconsidered, smoothed
 from pipeline.joint.problem import LEAST_NOISE, NO_PATH, SPARSE, Assumed, Problem
 from pipeline.joint.ship import Component, Sea, Vibration
+from pipeline.joint.unfollowed import gaps
 
 STAGES = (25.0, 100.0, 400.0)  # s: stretches on which a cold start is followed
 EARTH, EXACT = 0.004, 1e-15  # 1 sigma of gravity over reference gravity in a cold start; of what is held
@@ -60,10 +61,10 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
             fits[k] = fit = fits[k] or _likeliest(attempt(gathered, each) for each in rough[k])
             hopeless = ahead[k] - min(ahead) > HOPELESS and not gathered.film
             if hopeless and fit is not None and motion.is_white(fit, fit.model.problem.differences):
-                return [_with_difference(fit)]
+                return [motion.polished(_with_difference(fit))]
         if fits[0] is not None:  # lines near the swing, and noise that is not stated, make linear pendulums of others
             break
-    found = [_with_difference(fit) for fit in fits if fit is not None]
+    found = [motion.polished(_with_difference(fit)) for fit in fits if fit is not None]
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
     return sorted(found, key=of_the_law, reverse=True)
@@ -241,4 +242,5 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
 def _spectral(model: Model, rough: Fitted, gathered: Gathered) -> Model:
     """With the ship's motion, and the noise that is not stated, that the errors of a rough fit ask for."""
     begun = motion.first(rough, np.maximum(gathered.noise, LEAST_NOISE))
-    return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship)
+    constants = (*model.constants, *gaps(rough))
+    return replace(model, assumed=replace(begun, breaks=model.assumed.breaks), begun=begun.ship, constants=constants)

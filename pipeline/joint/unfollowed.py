@@ -11,9 +11,11 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint import kinds
-from pipeline.joint.constants import total
-from pipeline.joint.explanation import Fitted, angles, fitted
+from pipeline.joint.constants import Constant, Constants, total
+from pipeline.joint.course import IN_GAP
+from pipeline.joint.explanation import Fitted, angles, attempted, fitted
 from pipeline.joint.film_errors import swing_of
+from pipeline.joint.lattice import LONG_GAP
 from pipeline.joint.problem import Assumed, Problem
 from pipeline.joint.ship import Sea, density
 from pipeline.joint.whiteness import CALM, Spectrum, beside_the_swing, transfer
@@ -28,6 +30,7 @@ BROAD = 0.3  # of theirs, a width
 LIFTS = np.geomspace(0.1, 10.0, 9)  # of what sways a ship so fast, what lifts it: planes of swing face any way
 ALIASED = 2.5  # times the swing's frequency: readings that do not resolve it alias the harmonics
 SHORTEST = 2.0  # s: nothing hides in shorter gaps
+MOST_GAPS, SPREAD = 30, 4.0  # at most; of a knot's width, all of it, which is so much over its mean
 HALF_FORETOLD = 20.0  # s: half of what happens in so long a gap is foretold
 NEAR = 0.2  # of a square of frequencies: closer to resonance motion has no steady response
 INDEPENDENT = 10.0  # s, after which a swell's square is another one
@@ -50,7 +53,7 @@ def unresolved(fit: Fitted, assumed: Assumed) -> tuple[float, float]:
         swings = fit.path[:, : 2 * problem.pendulums : 2] @ lattice.combination[trace]
         for by in (swing, -swing):
             beside = np.abs(frequency + by)
-            level = transfer(problem, trace, beside) * density(assumed.ship, beside, "horizontal")
+            level = transfer(problem, lattice.combination[trace], beside) * density(assumed.ship, beside, "horizontal")
             signal = beside_the_swing(swing, swings, beside) * whole
             shown += signal / (level + assumed.noise[trace] ** 2 * spacing)
     recorded = lattice.time[lattice.trace == problem.traces + 1]
@@ -92,22 +95,10 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     """Change of mean gravity over reference gravity by motion in gaps, and its 1 sigma; 0 of linear pendulums. The
     likeliest path fades in a gap, or goes on with a motion that is not the ship's. The mean square outside tells what
     it is there; a fit with that as a known change, what gets into the mean. `gravity`: its row, (c,)."""
-    problem, lattice, two = fit.model.problem, fit.model.problem.lattice, 2 * fit.model.problem.pendulums
+    problem, lattice = fit.model.problem, fit.model.problem.lattice
     if not fit.model.assumed.sine or lattice.longest_gap < SHORTEST:
         return 0.0, 0.0
-    time, changes, at = lattice.step * np.arange(lattice.nodes), np.zeros((2, lattice.nodes)), two
-    for each in fit.model.assumed.ship:
-        row, square = each.system()[1], (each.peak / problem.swing) ** 2
-        motion = (fit.path[:, at : at + row.size] @ row) ** 2
-        at += row.size
-        if each.axis == "horizontal":
-            response = (1.0 - square) / ((1.0 - square) ** 2 + NEAR**2)
-            changes[0] += (response - 0.5 * response**2) * motion
-        elif each.axis == "vertical":
-            changes[1] -= (4.0 - square) / ((4.0 - square) ** 2 + NEAR**2) * motion
-    own = np.unique(lattice.time[lattice.trace < problem.traces])
-    after = np.clip(np.searchsorted(own, time), 1, own.size - 1)
-    apart = own[after] - own[after - 1]
+    changes, apart = _changes(fit), lattice.apart
     inside = apart > SHORTEST
     if not inside.any() or inside.all():
         return 0.0, 0.0
@@ -120,6 +111,46 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
     missed = float(change[~inside].mean() - change[inside].mean()) / level
     squares = max(float(inside.sum()) * lattice.step / INDEPENDENT, 1.0)
     return whole * missed, abs(whole) * float(np.sqrt(0.5 / squares))
+
+
+def gaps(fit: Fitted) -> Constants:
+    """What acts as gravity does in each long gap, where nothing shows it: 1 sigma is what motion does elsewhere."""
+    lattice, time = fit.model.problem.lattice, fit.model.problem.lattice.read
+    if not fit.model.assumed.sine or lattice.longest_gap < LONG_GAP:
+        return ()
+    longest = np.argsort(-np.diff(time))[:MOST_GAPS]
+    size = SPREAD * float(np.abs(_changes(fit)).sum(axis=0)[lattice.apart < SHORTEST].mean())
+    return tuple(
+        Constant(f"{IN_GAP} at {begin:.0f} s", kinds.GRAVITY, size, centre=0.5 * (begin + end),
+                 width=(end - begin) / SPREAD, stated=True)
+        for begin, end in np.stack([time[longest], time[longest + 1]], axis=-1).tolist() if end - begin > LONG_GAP
+    )  # fmt: skip
+
+
+def _changes(fit: Fitted) -> Floats:
+    """Of gravity over itself, at nodes, by horizontal and by vertical motion: (2, k)."""
+    problem, at = fit.model.problem, 2 * fit.model.problem.pendulums
+    changes = np.zeros((2, problem.lattice.nodes))
+    for each in fit.model.assumed.ship:
+        row, square = each.system()[1], (each.peak / problem.swing) ** 2
+        motion = (fit.path[:, at : at + row.size] @ row) ** 2
+        at += row.size
+        if each.axis == "horizontal":
+            response = (1.0 - square) / ((1.0 - square) ** 2 + NEAR**2)
+            changes[0] += (response - 0.5 * response**2) * motion
+        elif each.axis == "tilt":  # if it were what sways the pendulums so far
+            changes[0] += (0.5 - square) * motion
+        elif each.axis == "vertical":
+            changes[1] -= (4.0 - square) / ((4.0 - square) ** 2 + NEAR**2) * motion
+    return changes
+
+
+def stiffened(fit: Fitted) -> Fitted | None:
+    """The same, where what tilts the case sways the pendulums instead, and stiffens them by its square: what tells one
+    from the other, whatever their spectra. None where it cannot be followed."""
+    problem = fit.model.problem
+    track = _changes(fit)[0][:, None] + (problem.track if problem.track.size else np.zeros(1))
+    return attempted(replace(fit.model, problem=replace(problem, track=track)), fit.path, most=1)
 
 
 def change_by_rounding(fit: Fitted, gravity: Floats) -> float:

@@ -28,6 +28,8 @@ WIDELY, NEARBY = 64.0, 13  # of the least distance from the swing, up to which b
 CERTAIN = 20.0  # of the power of white errors, which no chance brings about
 CLIPPED = 7.0  # of the median error: five deviations of normal ones
 ROUGH = 4  # taper of a rough fit, whose errors are far from white
+SHARED, LEVEL = 0.9, 0.1  # of the readings of the densest trace; of what the ship's motion shows most
+STEADY = 2.0  # of the swing's frequency, above which pendulums hardly follow a motion
 TAPERED = {1: 1.5, ROUGH: 2.63}  # ordinates that count as one, under a taper
 SHARP, MOST_SHARP = 3.5, 5  # in the logarithm of a power, above those about it; such ordinates that get finer bins
 NOISE_SPREAD = 0.3  # 1 sigma of the logarithm of the reading noise
@@ -37,7 +39,7 @@ ROUNDS, HALVINGS = 20, 4
 ENOUGH = 0.2  # in log-likelihood
 Result = TypeVar("Result")
 _RESPONSES = (*get_args(Axis), "heave")
-_FIELDS = ("power", "weight", "centre", "trace", "step", "frequency", "bins", "kicked", *_RESPONSES)
+_FIELDS = ("power", "weight", "centre", "trace", "step", "noise", "frequency", "bins", "kicked", *_RESPONSES)
 
 
 def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
@@ -54,18 +56,42 @@ def _kept(function: Callable[..., Result]) -> Callable[..., Result]:
 
 
 @_kept
-def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1) -> tuple[Floats, Floats, np.ndarray]:
+def shared(fit: Fitted) -> Floats:
+    """Rows, (t + 2, t + 2), that turn whitened errors of traces into those of their common motion and the rest. Where
+    several see the ship's motion the filter shares what it tells of it among their errors; so far as its share in a
+    step is less than the noise, the common motion's part is known."""
+    problem, noise = fit.model.problem, fit.model.assumed.noise
+    sizes = np.array([fit.used(j).size for j in range(problem.traces)])
+    level = np.where(sizes > SHARED * sizes.max(), problem.lattice.combination.sum(axis=1) / noise[: sizes.size], 0.0)
+    rows = np.eye(noise.size)
+    if np.count_nonzero(np.abs(level) > LEVEL * np.abs(level).max()) > 1:
+        first = int(np.argmax(np.abs(level)))
+        across = level / np.linalg.norm(level) * np.sign(level[first])
+        across[first] -= 1.0
+        rows[: sizes.size, : sizes.size] -= 2.0 * np.outer(across, across) / float(across @ across)
+    return rows
+
+
+@_kept
+def errors_by_frequency(
+    fit: Fitted, trace: int, taper: int = 1, *, joined: bool = False
+) -> tuple[Floats, Floats, np.ndarray]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance, under a power of a
-    sine as taper, as lines leak; and their samples. Empty where they are few."""
+    sine as taper, as lines leak; and their samples. Empty where they are few. `joined`: of a row of `shared`."""
     from scipy.fft import next_fast_len, rfft
 
-    lattice, used = fit.model.problem.lattice, fit.used(trace)
+    problem, lattice, used = fit.model.problem, fit.model.problem.lattice, fit.used(trace)
     if used.size < LEAST_READINGS:
         return np.zeros(0), np.zeros(0), used
     time, step = lattice.time[used], lattice.spacing[trace]
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
     part = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** taper
-    series[np.clip(np.rint(time / step), 0, series.size - 1).astype(np.int64)] = part * clipped(fit.of.whitened[used])
+    row = shared(fit)[trace] if joined else np.eye(1, problem.traces + 2, trace)[0]
+    for other in np.flatnonzero(row).tolist():
+        own = fit.used(other)
+        at = np.clip(np.rint(lattice.time[own] / step), 0, series.size - 1).astype(np.int64)
+        part = np.sin(np.pi * np.clip((lattice.time[own] - time[0]) / (time[-1] - time[0]), 0.0, 1.0)) ** taper
+        series[at] += row[other] * part * clipped(fit.of.whitened[own])
     power = np.abs(rfft(series)) ** 2 / float(part @ part)
     return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
 
@@ -76,12 +102,10 @@ def clipped(errors: Floats) -> Floats:
     return np.asarray(np.clip(errors, -most, most))
 
 
-def transfer(problem: Problem, trace: int, frequency: Floats, first: int = 0) -> Floats:
-    """Square of a trace's response to U by frequency, of pendulums from the first on; of a recorded acceleration's."""
-    if trace >= problem.traces:
-        return np.full(frequency.shape, float(first == 0 and trace == problem.traces))
-    kappa, weights = problem.kappa[first:], problem.lattice.combination[trace, first:]
-    return np.asarray((kappa / (kappa - frequency[..., None] ** 2) @ weights) ** 2)
+def transfer(problem: Problem, weights: Floats, frequency: Floats, first: int = 0) -> Floats:
+    """Square of the response to U of pendulums from the first on, with their weights in a trace, by frequency."""
+    kappa = problem.kappa[first:]
+    return np.asarray((kappa / (kappa - frequency[..., None] ** 2) @ weights[first:]) ** 2)
 
 
 def beside_the_swing(swing: float, angles: Floats, frequency: Floats) -> Floats:
@@ -107,20 +131,43 @@ def _sharp(frequency: Floats, power: Floats, edges: Floats) -> Floats:
     return np.asarray(frequency[some[above[some] > SHARP]])
 
 
-def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) -> dict[str, Any]:
-    """Fields of `Spectrum` from the errors of one trace, whose bins count from 0; of few readings there are none."""
+def _bands(fit: Fitted, lines: tuple[Component, ...], beside: float) -> list[dict[str, Any]]:
+    """Fields of `Spectrum` from the errors of each trace; where they share the ship's motion, of what they show
+    together, up to where the pendulums no longer follow it: there each shows its own noise."""
+    whole, split = fit.model.problem.traces + 2, STEADY * fit.model.problem.swing
+    found = []
+    for trace in range(whole):
+        mixed = shared(fit)[trace, trace] != 1.0
+        parts = ((0.0, split), (split, np.inf)) if mixed else ((0.0, np.inf),)
+        found += [_band(fit, trace, lines, beside, part, joined=mixed and not part[0]) for part in parts]
+    return found
+
+
+def _band(
+    fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float, part: tuple[float, float], *, joined: bool
+) -> dict[str, Any]:
+    """Of one trace, in a part of all frequencies; bins count from 0; of few readings there are none."""
     problem = fit.model.problem
     swing, taper = problem.swing, ROUGH if beside else 1
-    frequency, power, _ = errors_by_frequency(fit, trace, taper)
+    frequency, power, _ = errors_by_frequency(fit, trace, taper, joined=joined)
+    none: dict[str, Any] = dict.fromkeys(_FIELDS, np.zeros(0, dtype=np.int64))
+    none |= {"kicked": np.zeros((0, problem.pendulums)), "noise": np.zeros((0, problem.traces + 2))}
     if frequency.size <= 4 * LEAST:
-        return dict.fromkeys(_FIELDS, np.zeros(0, dtype=np.int64)) | {"kicked": np.zeros((0, problem.pendulums))}
+        return none
     step = float(np.pi / frequency[-1])
     bin_width, centre = frequency[1], folded(swing, step)
     near = max(beside * swing, (LEAST + 0.5) * bin_width)
     keep = np.abs(frequency - centre) > near
-    if not beside and trace not in problem.differences:
+    noise = fit.model.assumed.noise
+    row = (shared(fit) if joined else np.eye(noise.size))[trace] * noise[trace] / noise
+    weights = row[: problem.traces] @ problem.lattice.combination
+    insensitive = trace in problem.differences and row[trace] == 1.0
+    if not beside and not insensitive:
         keep |= power > CERTAIN  # constants fill what lies at the swing, but they add nothing
     keep[:LEAST] = False
+    keep &= (frequency >= part[0]) & (frequency < part[1])
+    if not keep.any():
+        return none
     frequency, power = frequency[keep], power[keep]
     # traces respond at the swing as nowhere else
     off = np.append(bin_width * (np.arange(LEAST) + 0.5), near * np.geomspace(1.0, WIDELY, NEARBY))
@@ -135,7 +182,6 @@ def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) 
     mean = np.add.reduceat(frequency, begins) / count
     folds = int(2.0 * swing * step / np.pi)  # sparse samples show what is faster among the rest
     every = np.abs(mean + 2.0 * np.pi / step * np.arange(-folds, folds + 1)[:, None]).ravel()
-    weights = problem.weights(trace)
     angles = fit.path[:, : 2 * problem.pendulums : 2] @ weights
     kicked = weights**2 * problem.kappa / (problem.kappa - every[:, None] ** 2) ** 2
     return {
@@ -144,10 +190,11 @@ def _band(fit: Fitted, trace: int, lines: tuple[Component, ...], beside: float) 
         "centre": mean,
         "trace": np.full(mean.size, trace),
         "step": np.full(mean.size, step),
+        "noise": np.broadcast_to(row**2 * step, (mean.size, row.size)),
         "frequency": every,
         "bins": np.arange(every.size) % mean.size,
-        "horizontal": transfer(problem, trace, every),
-        "transverse": transfer(problem, trace, every, 1),
+        "horizontal": transfer(problem, weights, every) + (trace == problem.traces),
+        "transverse": transfer(problem, weights, every, 1),
         "vertical": beside_the_swing(swing, angles, every),
         "tilt": np.full(every.size, float(weights.sum()) ** 2),
         "heave": np.full(every.size, float(trace > problem.traces)),
@@ -167,6 +214,7 @@ class Spectrum:
     trace: np.ndarray
     step: Floats
     """(n,) mean power of the errors, number of ordinates, frequency, rad s-1, trace, and s between its samples."""
+    noise: Floats  # (n, t + 2) density by the squares of the traces' noises
     frequency: Floats
     bins: np.ndarray  # (m,) frequencies, rad s-1, and the bins that they fall on
     response: dict[str, Floats]
@@ -180,8 +228,7 @@ class Spectrum:
     def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Spectrum:
         """The errors but those so near the swing, relative to it; finer bins about lines, also of some not assumed."""
         problem, assumed = fit.model.problem, fit.model.assumed
-        bands = [_band(fit, trace, (*assumed.ship, *lines), beside) for trace in range(problem.traces + 2)]
-        size = 0
+        bands, size = _bands(fit, (*assumed.ship, *lines), beside), 0
         for each in bands:
             each["bins"] = each["bins"] + size
             size += each["power"].size
@@ -213,7 +260,7 @@ class Spectrum:
 
     def density(self, assumed: Assumed) -> Floats:
         """Density that assumptions make expect, (n,)."""
-        rest = self.kicked @ assumed.kick**2 + assumed.noise[self.trace] ** 2 * self.step
+        rest = self.kicked @ assumed.kick**2 + self.noise @ assumed.noise**2
         return np.asarray(sum((self._scaled(each) for each in assumed.ship), rest))
 
     def _likelihood(self, density: Floats) -> Floats:
@@ -264,7 +311,7 @@ class Spectrum:
             now = make(vector)
             for k in free.tolist():
                 if k >= own:
-                    yield 2.0 * now.noise[k - own] ** 2 * self.step * (self.trace == k - own)
+                    yield 2.0 * now.noise[k - own] ** 2 * self.noise[:, k - own]
                     continue
                 of = int(np.searchsorted(places, k, side="right")) - 1
                 there = self._scaled(now.ship[of])

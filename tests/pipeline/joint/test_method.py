@@ -247,6 +247,53 @@ def test_a_knock_is_found_and_named_not_taken_for_kicks() -> None:
     assert abs(in_sigmas(found, made.gravity)) < 3.5
 
 
+@pytest.mark.parametrize("time", [450.2, 611.5])
+def test_a_knock_is_found_at_any_phase_of_the_swing(time: float) -> None:
+    knock = {"kind": "knock", "pendulum": "1", "time": time, "change": -2.5e-4}
+    swell = [{"kind": "harmonics", "amplitude": [0.05, 0.03], "period": [9.0, 7.0]}]
+    reading = {"noise": 2e-5, "vertical_acceleration": False}
+    made, gravity = record(duration=1200.0, restoring="linear", motion=swell, recording=reading, events=[knock])
+    found = row(made)
+    assert "knock of a pendulum" in found["choice_reason"]
+    assert found["gravity_sigma_mgal"] < 0.1
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
+def test_linear_pendulums_do_not_feel_a_recorded_heave() -> None:
+    made, gravity = record(restoring="linear", motion=[], recording={"vertical_acceleration": True})
+    heave = made["record"]["vertical_acceleration"]
+    plain = row(made)
+    heave.values[:] = 0.3 * np.random.default_rng(7).standard_normal(heave.size)
+    noisy = row(made)
+    assert noisy["gravity_m_s2"] == plain["gravity_m_s2"]
+    assert abs(in_sigmas(noisy, gravity)) < 3.5
+
+
+def test_noise_of_an_accelerometer_is_no_gravity() -> None:
+    """White noise of .5 cm/s2 at 10 Hz, .1 mGal on the mean: a heave that a ship can have has no such mean."""
+    made, gravity = record(duration=900.0, recording={"noise": 1e-5})
+    heave = made["record"]["vertical_acceleration"]
+    clean = row(made)["gravity_sigma_mgal"]
+    heave.values[:] += 5e-4 * np.random.default_rng(7).standard_normal(heave.size)
+    noisy = row(made)
+    assert noisy["gravity_sigma_mgal"] < 3.0 * clean + 0.1
+    assert abs(in_sigmas(noisy, gravity)) < 3.5
+
+
+def test_motion_in_a_long_gap_is_neither_kicks_nor_gravity() -> None:
+    """Its square stiffens the pendulums for a while, which nothing read shows."""
+    orbits = [{"kind": "sea", "significant_height": 2.0, "peak_period": 9.0, "depth": 8.0, "axis": axis}
+              for axis in ("horizontal", "vertical")]  # fmt: skip
+    gaps = [{"start": 300.0, "stop": 360.0}, {"start": 600.0, "stop": 680.0}]
+    course = {"kind": "linear", "rate": 5e-8}
+    reading = {"noise": 5e-6, "missing": gaps}
+    made, gravity = record(duration=1200.0, motion=orbits, recording=reading, gravity_course=course)
+    found = row(made)
+    assert found["flags"] == ["gravity-changes"]
+    assert found["gravity_sigma_mgal"] < 0.1
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
 FEIGNED = [
     ("half-second marks", "middle", 4001, 0.1),  # 17 gal: the swing on the other side of the marks
     ("second marks", "strong", 2002, 10.0),  # 600 mGal: a swing of a second looks still

@@ -96,6 +96,39 @@ def test_what_is_foretold_of_a_ship_is_what_the_record_says(settled: Fitted) -> 
     assert foretold == pytest.approx(lost, rel=0.3, abs=3.0)
 
 
+BOTH = [{"name": label, "combination": {label: 1.0}} for label in "12"]
+
+
+@pytest.mark.parametrize(("height", "cutoff", "seed", "most"), [(0.35, 2.0, 5, 0.15), (0.25, 3.0, 4, 0.5)])
+def test_two_traces_of_the_ship_tell_it_as_one_does(height: float, cutoff: float, seed: int, most: float) -> None:
+    """Each trace alone shows a half of what the filter makes of their common motion. A sea that one component does not
+    follow is no tilting case: 19 +- 11 mGal where a tilt need not meet what no motion there is at the swing."""
+    first = {"label": "1", "period": 1.01, "damping_rate": 8e-5}
+    second = {"label": "2", "period": 1.0102, "damping_rate": 1e-4}
+    starts = ({"kind": "free", "amplitude": arc, "phase": phase} for arc, phase in ((0.0157, 0.4), (0.0343, 2.2)))
+    pendulums = [each | {"start": start} for each, start in zip((first, second), starts, strict=True)]
+    sea = {"kind": "sea", "significant_height": height, "peak_period": 7.2, "cutoff": cutoff}
+    orbits = [sea | {"axis": axis} for axis in ("horizontal", "vertical")]
+    reading = {"traces": BOTH, "noise": 5e-5, "vertical_acceleration": False}
+    made, gravity = record(seed=seed, duration=1200.0, pendulums=pendulums, motion=orbits, recording=reading)
+    found = row(made)
+    assert found["gravity_sigma_mgal"] < most
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
+def test_motion_at_the_swing_is_no_larger_than_the_record_shows() -> None:
+    """Pendulums 7 % apart: what the ship might do at their frequencies would hide gravity a hundred times over."""
+    second = {"label": "2", "period": 1.08, "damping_rate": 1e-4}
+    first = {"label": "1", "period": 1.01, "damping_rate": 1e-4}
+    starts = ({"kind": "free", "amplitude": 0.012, "phase": phase} for phase in (0.4, 2.2))
+    pendulums = [each | {"start": start} for each, start in zip((first, second), starts, strict=True)]
+    narrow = [{"kind": "harmonics", "amplitude": [0.07, 0.05, 0.05], "period": [13.0, 13.3, 12.8]}]
+    made, gravity = record(motion=narrow, duration=800.0, pendulums=pendulums, recording={"noise": 3e-5})
+    found = row(made)
+    assert found["gravity_sigma_mgal"] < 0.1
+    assert abs(in_sigmas(found, gravity)) < 3.5
+
+
 def test_first_ship_of_a_rough_fit_is_nearly_the_last(gathered: Gathered, settled: Fitted) -> None:
     """The likelihood of the first guess lies closer to the last than to that of the generous ship it began with."""
     rough = cold_starts(gathered, sine=True)[0]

@@ -4,12 +4,15 @@ Pixel i reaches from i to i + 1, its centre is i + 0.5. Rows run along the film 
 """
 
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+BESIDE, LEAST, MOST_TRACES = 24.0, 0.3, 6  # swings beside a stand of the paper; share of them; traces
+SIZE, ALIKE, OTHERS = 0.2, 2.0, 8.0  # 1 sigma of a logarithm; squares of deviations: of the same traces, and of others
 
 
 class Emulsion(Protocol):
@@ -42,6 +45,25 @@ class Tracks:
         """Nothing read yet."""
         a, b, c, d, e, f = np.full((6, traces, rows), np.nan)
         return Tracks(a, b, c, d, e, f, np.zeros((traces, rows), np.uint16), rows_per_swing, spot, shear)
+
+    def named_over(self, row: float) -> None:
+        """Give the traces behind a row, where the paper stood, the names under which they swung before as far aside and
+        about the same places, where others of them do so: the tracker may have gone on along another."""
+        beside = round(BESIDE * self.rows_per_swing)
+        sides = (self.course[:, max(int(row) - beside, 0) : int(row)], self.course[:, int(row) : int(row) + beside])
+        known = [np.isfinite(each).mean(axis=1).min(initial=1.0) > LEAST for each in sides]
+        if not all(known) or len(self.course) > MOST_TRACES:
+            return
+        (place, size), (after, later) = ((np.nanmean(each, axis=1), np.nanstd(each, axis=1)) for each in sides)
+        costs = {}
+        for order in map(list, permutations(range(len(place)))):
+            away = ((after[order] - place) / size) ** 2 + (np.log(later[order] / size) / SIZE) ** 2
+            costs[tuple(order)] = float(away.sum())
+        best = min(costs, key=costs.__getitem__)
+        if costs[best] < ALIKE < OTHERS < costs[tuple(range(len(place)))]:
+            for values in vars(self).values():
+                if isinstance(values, np.ndarray):
+                    values[:, int(row) :] = values[list(best), int(row) :]
 
     def forget(self, rows: slice) -> None:
         """Take back what was read of some rows."""

@@ -182,3 +182,21 @@ def test_a_bar_is_sought_across_half_of_a_swing_at_least(apart: float) -> None:
     for own, half in zip(swept(tracks, 1500), (100.0, 110.0), strict=True):
         assert own is not None
         assert np.ptp(own.aside) > 0.7 * half
+
+
+@pytest.mark.parametrize("exchanged", [True, False])
+def test_traces_keep_their_names_where_the_paper_stood(exchanged: bool) -> None:
+    """Two traces of different places and swings; the tracker went on along the other behind row 4000."""
+    rows = np.arange(8000.0)
+    tracks = Tracks.empty(2, rows.size, 60.0, 2.0)
+    true = np.stack([400.0 + 50.0 * np.sin(0.1 * rows), 530.0 + 40.0 * np.sin(0.1 * rows + 1.0)])
+    found = true.copy()
+    if exchanged:
+        found[:, 4000:] = found[::-1, 4000:]
+    found[1, 4000:4500] = np.nan
+    tracks.course[:], tracks.position[:] = found, found
+    tracks.named_over(4000.3)
+    seen = np.isfinite(tracks.course)
+    assert np.array_equal(tracks.course[seen], true[seen])
+    assert np.array_equal(tracks.position[seen], true[seen])
+    assert seen.sum() == 2 * rows.size - 500

@@ -28,7 +28,8 @@ SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which 
 HALF = 0.5
 SUSPECT, AGAIN = 0.02, 2  # share of readings left out that is considered again, so many times at most
 ROUNDED = 0.3  # of the change by rounding, to which it is known
-MOST_SIGMA = 2e-4  # over gravity: a sigma of 200 mGal says that no swing at the stated period was followed
+MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
+OPEN = 2e-4  # the same, of one pendulum on which something else acts
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,11 @@ def reduce(gathered: Gathered) -> Outcome:
         raise RefusedError(
             f"elongation: random kicks of {kicks:.1g} rad s-1/2 would replace a swing of {arc:.2g} rad within the "
             "record; something else acts on one pendulum alone: check instrument/plane_angle and record/combination"
+        )
+    if sigma > OPEN and any(words.startswith("transverse") for words in fit.model.words):
+        raise RefusedError(
+            f"elongation: something acts on one pendulum alone and leaves gravity open by {sigma:.1g} of it; check "
+            "instrument/plane_angle, record/combination and the sign of record/vertical_acceleration"
         )
     if abs(mean - 1.0) > CAPTURE:
         raise RefusedError(

@@ -189,7 +189,7 @@ def polished(fit: Fitted) -> Fitted:
     them badly: where the ship's motion shows in several traces, the filter turns errors of one into those of another.
     Of one such trace a trial without so much motion at the swing tells first whether there is much to gain."""
     ship, noise = fit.model.assumed.ship, fit.model.assumed.noise
-    ends = np.cumsum([parameters((each,)).size for each in ship])
+    ends, least = np.cumsum([parameters((each,)).size for each in ship]), MUCH_MORE
     if not np.any(shared(fit) != np.eye(noise.size)):
         if not _sways_differences(fit):
             return fit
@@ -200,6 +200,7 @@ def polished(fit: Fitted) -> Fitted:
         if less.solution.log_likelihood - fit.solution.log_likelihood < MUCH_MORE:
             return fit
         fit = less
+        least = MORE
     by = np.full(int(ends[-1]), FIRST_STEP)
     for _ in range(SWEEPS):
         before = fit
@@ -210,8 +211,9 @@ def polished(fit: Fitted) -> Fitted:
                 if fit is not start:
                     break
             by[k] *= SHRINKS if fit is start else GROWS
-        if fit.solution.log_likelihood - before.solution.log_likelihood < MUCH_MORE:
+        if fit.solution.log_likelihood - before.solution.log_likelihood < least:
             break
+        least = MORE
     return fit
 
 

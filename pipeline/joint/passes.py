@@ -27,7 +27,7 @@ class Columns(NamedTuple):
     centre: Floats
     width: Floats
     """(c,) s: of GRAVITY a cubic spline's, width 0: the whole record; of DRIFT centre and scale; of STEP, CLOCK and
-    KNOCK their time; of DRY the centre is the speed below which it fades, rad s-1."""
+    KNOCK their time (the width: so much later); of DRY the centre is the speed below which it fades, rad s-1."""
     value: Floats  # (c,)
     forced: np.ndarray
     of_traces: np.ndarray  # Places of those that move the pendulums, and of those that are in the readings

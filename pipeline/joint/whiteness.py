@@ -85,7 +85,6 @@ def errors_by_frequency(
         return np.zeros(0), np.zeros(0), used
     time, step = lattice.time[used], lattice.spacing[trace]
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
-    part = np.sin(np.pi * (time - time[0]) / (time[-1] - time[0])) ** taper
     row = shared(fit)[trace] if joined else np.eye(1, problem.traces + 2, trace)[0]
     for other in np.flatnonzero(row).tolist():
         own = fit.used(other)

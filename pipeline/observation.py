@@ -15,6 +15,7 @@ from pipeline.conditions import DAY, Constants, Tie, by_air, by_temperature, rat
 
 GRID_TOLERANCE = 1e-9  # s; times this close to a uniform grid are taken to lie on it
 MOST_GRID_ROWS = 4  # a grid more than this many times longer than the series is no grid
+ON_THE_WAY = ("temperature", "latitude", "longitude", "speed", "course")  # constants that /record may have in time
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,7 @@ def instrument(record: DataTree, pendulums: tuple[str, ...]) -> dict[str, Any]:
         if label not in known:
             raise RecordError(f"instrument/pendulum: no constants for pendulum '{label}'; it knows {', '.join(known)}")
     constants = _constants(stored, [known.index(label) for label in pendulums])
+    constants |= _constants(record["record"].dataset[[name for name in ON_THE_WAY if name in record["record"]]], [])
     constants |= epoch_of(record) | clock_of(record)
     period, gravity = np.asarray(constants["period"]), float(constants["reference_gravity"])
     time = np.asarray(record.dataset.variables["time"].values, dtype=np.float64)

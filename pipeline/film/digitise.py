@@ -226,7 +226,7 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     """By how much, relative, all elongations may be wrong where marks, dpi and nominal speed contradict each other."""
     if "dpi-disagrees" not in reading.axis.flags or nominal is None:
         return None
-    return abs(reading.axis.usual_rows_per_second * reading.scale / nominal - 1.0)
+    return abs(reading.axis.rows_per_second * reading.scale / nominal - 1.0)
 
 
 def summary(record: "xr.DataTree", reading: Reading) -> dict[str, Any]:

@@ -51,8 +51,9 @@ class Tracks:
         about the same places, where others of them do so: the tracker may have gone on along another."""
         beside = round(BESIDE * self.rows_per_swing)
         sides = (self.course[:, max(int(row) - beside, 0) : int(row)], self.course[:, int(row) : int(row) + beside])
-        known = [np.isfinite(each).mean(axis=1).min(initial=1.0) > LEAST for each in sides]
-        if not all(known) or len(self.course) > MOST_TRACES:
+        if min(each.shape[1] for each in sides) < beside or len(self.course) > MOST_TRACES:
+            return
+        if not all(np.isfinite(each).mean(axis=1).min() > LEAST for each in sides):
             return
         (place, size), (after, later) = ((np.nanmean(each, axis=1), np.nanstd(each, axis=1)) for each in sides)
         costs = {}
@@ -106,12 +107,6 @@ class TimeAxis:
 
     @property
     def rows_per_second(self) -> float:
-        """Mean speed of the film, from the marks; NaN without two."""
-        few = self.index.size < 2
-        return float("nan") if few else float(np.ptp(self.row) / (np.ptp(self.index) * self.interval))
-
-    @property
-    def usual_rows_per_second(self) -> float:
         """Median speed from mark to mark: where the paper stood does not count; NaN without two marks."""
         steps = np.diff(self.row) / np.diff(self.index)
         return float(np.median(steps)) / self.interval if steps.size else float("nan")

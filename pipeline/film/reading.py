@@ -85,7 +85,7 @@ def read_traces(traces: FilmTraces, axis: TimeAxis, known: Known, jobs: int = 1)
     strobe = traces.placed.readable(read_at_marks(scan, traces.emulsion, tracks, axis, width, jobs), axis)
     scale, note = film_scale(scan.scale, known.speed, axis)
     notes = [each for each in (*scan.notes, note) if each]
-    speed = axis.usual_rows_per_second * scale
+    speed = axis.rows_per_second * scale
     if known.speed is not None and abs(speed / known.speed - 1.0) > SPEED_TOLERANCE:
         axis = replace(axis, flags=(*axis.flags, "dpi-disagrees"))
         what = "check --dpi, --mark-interval and --speed"

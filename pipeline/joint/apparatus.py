@@ -1,5 +1,6 @@
 """Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -55,7 +56,10 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
             if name == "scale" and not any(np.ndim(stated.get(each, 0.0)) for each in (name, f"{name}_uncertainty")):
                 of = [("stated scale of all angles", -1)]
-            found += [constant(called, kind, name, prior, j) for called, j in of]
+            own = [constant(called, kind, name, prior, j) for called, j in of]
+            # unknown vertical motion passes for it: its sigma counts by the arcs (`unfollowed.doubt_by_scale`)
+            known_by_arcs = of[0][1] < 0 and problem.heave is None
+            found += [replace(each, prior=EXACT) for each in own] if known_by_arcs else own
     for i, part in enumerate(np.asarray(known["period_relative_uncertainty"]).tolist()):
         if part > 0.0:  # of n^2
             found.append(Constant(f"stated period of pendulum {i + 1}", kinds.RATIO, 2.0 * part, i, stated=True))
@@ -72,10 +76,12 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
     found.append(Constant(SWAY, kinds.SWAY, YIELDING))
+    if problem.others.size:
+        found.append(Constant("cross-talk of the pendulums", kinds.CROSS, GAIN))
     if np.any(problem.lattice.trace == problem.traces + 1):
         found.append(Constant("scale of the heave", kinds.READ_HEAVE_SCALE, HEAVE_SCALE, problem.traces + 1))
         found.append(Constant("delay of the heave", kinds.READ_HEAVE_DELAY, HEAVE_DELAY, problem.traces + 1))
-    if sine and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
+    if sine and problem.heave is not None and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):
         rates = enumerate(np.abs(problem.damping).tolist())

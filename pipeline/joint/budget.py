@@ -24,7 +24,7 @@ SOURCES = {
     **dict.fromkeys((kinds.RATIO, kinds.SWAY), "ratio"),
     **dict.fromkeys((kinds.DAMPING, kinds.QUADRATIC, kinds.DRY, kinds.FADE), "damping"),
     **dict.fromkeys((kinds.ZERO, kinds.STEP, kinds.DRIFT), "zero"),
-    **dict.fromkeys((kinds.GAIN, kinds.CUBIC), "scale"),
+    **dict.fromkeys((kinds.GAIN, kinds.CUBIC, kinds.CROSS), "scale"),
     **dict.fromkeys((kinds.DELAY, kinds.CLOCK), "clock"),
     **dict.fromkeys((kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, kinds.READ_HEAVE_SCALE, kinds.READ_HEAVE_DELAY), "heave"),
     kinds.KNOCK: "kicks",

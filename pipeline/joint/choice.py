@@ -82,7 +82,8 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
         rows, of_one = [*first, *places], added[0].index >= 0
         normal = of.normal[np.ix_([*rows, -1], [*rows, -1])]
         free = added[0].kind == kinds.GAIN and not of_one and scaled
-        for least in (1.0, SMALL) if added[0].kind in SCALES and of_one else (1.0,):
+        small = added[0].kind == kinds.CROSS or (added[0].kind in SCALES and of_one)
+        for least in (1.0, SMALL) if small else (1.0,):
             prior = root[np.ix_(rows, rows)]
             prior[len(own) :, len(own) :] *= least
             constants = (*own, *(replace(each, prior=least * each.prior) for each in added))

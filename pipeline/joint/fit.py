@@ -13,7 +13,14 @@ from pipeline.joint.lattice import LONG_GAP
 from pipeline.joint.outliers import of_the_law, reconsidered
 from pipeline.joint.problem import LEVEL
 from pipeline.joint.start import CAPTURE, first_fits
-from pipeline.joint.unfollowed import change_by_rounding, change_in_gaps, doubt_by_repeating, short_waves, stiffened
+from pipeline.joint.unfollowed import (
+    change_by_rounding,
+    change_in_gaps,
+    doubt_by_repeating,
+    doubt_by_scale,
+    short_waves,
+    stiffened,
+)
 
 MGAL = 1e-5  # m s-2
 MOST_APART = 10.0  # mGal
@@ -104,7 +111,8 @@ def reduce(gathered: Gathered) -> Outcome:
     lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
     repeating = doubt_by_repeating(fit, row) if gathered.film else 0.0
-    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating)
+    scale = doubt_by_scale(fit, gathered.constants["constants"].get("scale_uncertainty", 0.0))
+    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating, scale)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)

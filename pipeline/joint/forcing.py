@@ -164,6 +164,8 @@ def derive_errors(
             seen[j, c] += readings.value[which]
         elif kind == kinds.CUBIC:
             seen[j, c] += readings.value[which] ** 3
+        elif kind == kinds.CROSS:
+            seen[j, c] += readings.others[which]
         elif kind == kinds.STEP and time >= columns.centre[c]:
             seen[j, c] += 1.0
         elif kind in (kinds.DELAY, kinds.READ_HEAVE_DELAY) or (kind == kinds.CLOCK and time >= columns.centre[c]):

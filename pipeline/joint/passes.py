@@ -17,6 +17,7 @@ class Readings(NamedTuple):
     value: Floats  # (r,) rad, or acceleration over reference gravity
     variance: Floats  # (r,) of the reading; infinite = left out
     combination: Floats  # (t, p)
+    others: Floats  # (r,) rad, what cross-talk adds, as it was read; or empty
 
 
 class Columns(NamedTuple):

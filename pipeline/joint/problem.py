@@ -97,6 +97,27 @@ class Problem:
         """The recorded heave and its derivative with time there; (0, 4) without one."""
         return [np.zeros((0, POINTS)) if self.heave is None else self.heave(self.instants, k) for k in (0, 1)]
 
+    @cached_property
+    def mixed(self) -> Floats:
+        """Weights of the pendulums in each trace by cross-talk, which gives each of them all others, (t, p)."""
+        return np.asarray(self.lattice.combination @ (1.0 - np.eye(self.pendulums)))
+
+    @cached_property
+    def others(self) -> Floats:
+        """What cross-talk adds to each reading, by what all traces say at its time, (r,) rad; 0 where one is missing,
+        empty where traces do not tell pendulums apart."""
+        own, size = self.lattice, self.traces
+        if size < 2 or size != self.pendulums or np.linalg.matrix_rank(own.combination) < size:
+            return np.zeros(0)
+        of_traces = own.trace < size
+        instants, at = np.unique(own.time[of_traces], return_inverse=True)
+        read = np.full((instants.size, size), np.nan)
+        read[at, own.trace[of_traces]] = own.value[of_traces]
+        seen = read @ np.linalg.inv(own.combination).T @ self.mixed.T
+        out = np.zeros(own.value.size)
+        out[of_traces] = np.nan_to_num(seen[at, own.trace[of_traces]])
+        return out
+
     def leaves_heave_open(self, sine: bool) -> bool:
         """Whether vertical motion acts under a law, and no recording says how."""
         return sine and self.heave is None
@@ -135,6 +156,10 @@ class Problem:
         """Error of the scale of each trace, and of the accelerations."""
         return self._of_readings(constants, kinds.GAIN, kinds.READ_HEAVE_SCALE)
 
+    def cross(self, constants: Constants) -> float:
+        """Share of each pendulum in what is read of the others."""
+        return float(unknown.total(constants, kinds.CROSS, 1)[0])
+
     def _of_readings(self, constants: Constants, of_traces: int, of_heave: int) -> Floats:
         """Values of constants of each trace, and of the accelerations, (t + 2,)."""
         found: Floats = np.zeros(self.traces + 2)
@@ -147,11 +172,11 @@ class Problem:
 
     def in_its_scale(self, assumed: Assumed, constants: Constants) -> Assumed:
         """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
-        level = self.lattice.combination.sum(axis=1) ** 2
-        gain = self.gain(constants)[: self.traces]
-        if not gain.any() or not level.any():
+        level = self.lattice.combination.sum(axis=1)
+        more = level * (self.gain(constants)[: self.traces] + (self.pendulums - 1) * self.cross(constants))
+        if not more.any() or not level.any():
             return assumed
-        scale = 1.0 + float(level @ gain) / float(level.sum())
+        scale = 1.0 + float(level @ more) / float(level @ level)
         ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
         return replace(assumed, ship=ship, kick=assumed.kick / scale)
 
@@ -175,8 +200,9 @@ class Problem:
         variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
         if self.left_out.size:
             variance[self.left_out] = np.inf
+        combination = own.combination + self.cross(constants) * self.mixed
         first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
-        return passes.Readings(first, own.trace, own.offset - late, value, variance, own.combination)
+        return passes.Readings(first, own.trace, own.offset - late, value, variance, combination, self.others)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""

@@ -25,6 +25,7 @@ Axis = Literal["horizontal", "transverse", "vertical", "tilt"]
 """Of an acceleration over reference gravity; or the angle, rad, of the case from which elongations are measured.
 Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 FASTEST = 60.0  # s-1, rate of a vibration that the steps of a lattice follow
+ROUGHEST = 10.0  # of gravity, rms of a sea: none is rougher, and rounding would take the sign of its covariance
 FASTEST_HEAVE = 7.0  # rad s-1, of the sea: what is faster has no sidebands, or acts as gravity does
 NARROWEST, BROADEST, LINE = 0.01, 0.7, 1e-4  # of the frequency, a sea's damping; least of a line's
 SWELL = 3.0  # rad s-1: what is narrower than a sea, and slower, is one still
@@ -181,7 +182,7 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
         if isinstance(each, Vibration):
             out.append(replace(each, rate=min(next(values), FASTEST), rms=next(values)))
             continue
-        frequency, width, size = next(values), next(values), next(values)
+        frequency, width, size = next(values), next(values), min(next(values), ROUGHEST)
         kind = Engine if isinstance(each, Engine) or (width < NARROWEST and frequency > SWELL) else Sea
         if kind is Sea and each.axis == "vertical":
             frequency = min(frequency, FASTEST_HEAVE)

@@ -6,6 +6,7 @@ x^2): slow motion by <zeta^2> / 4 and <u^2> / 2, Browne's terms; fast horizontal
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -191,3 +192,12 @@ def _change(fit: Fitted, gravity: Floats, problem: Problem) -> float:
     found = fitted(replace(fit.model, problem=problem), fit.path, most=1)
     pairs = zip(found.solution.constants, fit.solution.constants, strict=True)
     return float(gravity @ [one.value - other.value for one, other in pairs])
+
+
+def doubt_by_scale(fit: Fitted, sigma: Any) -> float:
+    """1 sigma of gravity over itself by one of the scale of all angles where vertical motion is not known: to that the
+    scale is too much alike to be told, and gravity grows by a quarter of an amplitude's square."""
+    problem = fit.model.problem
+    if np.ndim(sigma) or not problem.leaves_heave_open(fit.model.assumed.sine):
+        return 0.0
+    return 0.5 * float(sigma) * float(np.var(fit.path[:, : 2 * problem.pendulums : 2], axis=0).max())

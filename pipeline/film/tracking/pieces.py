@@ -41,6 +41,7 @@ BEND_GROWTH, FREQUENCY_GROWTH, PAIR_GROWTH = 0.01, 1e-3, 1e-6
 FIRST_PLACE, FIRST_RATE, FIRST_BEND, FIRST_FREQUENCY = 0.03, 0.3, 0.5, 0.03
 QUALITY_SWINGS = 0.5
 FORWARD, BACKWARD, BOTH = 1, 2, 3
+SHOWN, HIDDEN = 1, 2  # a row on which a trace is followed
 HAND, SURE = 2.0, 0.8  # spots, 1 sigma of a line drawn by hand; share of good rows where there is one
 NO_LINES = np.zeros((0, 0))  # drawn by hand
 
@@ -123,7 +124,7 @@ class Piece(NamedTuple):
     place: Floats
     variance: Floats  # infinite where the reading was not used
     brightness: Floats
-    followed: NDArray[np.uint8]
+    followed: NDArray[np.uint8]  # SHOWN, or HIDDEN where nothing is to be read
     states: Floats
     covariances: Floats
 
@@ -178,6 +179,8 @@ def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, l
             piece.brightness[k, i] = light
             if alive[k] == 0:
                 continue
+            if math.isnan(light):
+                piece.followed[k, i] = HIDDEN
             slope = slope_of(states[k], shear)
             stretch = 1.0 + slope * slope
             visible = light * light > VISIBLE * VISIBLE * light_variance and misfit < MISFIT
@@ -267,7 +270,8 @@ class Section:
     states: Floats  # (rows, traces, 6), see `motion`
     place: Floats  # (traces, rows), NaN where there is no reading
     brightness: Floats
-    share: Floats  # (traces,), rows read of those followed
+    hidden: NDArray[np.bool_]  # (traces, rows), where nothing is to be read
+    share: Floats  # (traces,), rows read of those followed that are not hidden
     optics: Optics  # with which it was read
 
     @property
@@ -286,6 +290,7 @@ def follow_from(swings: Sequence[Swing], darkness: Floats32, first: int, optics:
     states, known = course.states, course.known > 0
     used = np.isfinite(backward.variance) & known
     place, light = np.where(used, backward.place, np.nan), np.where(used, backward.brightness, np.nan)
-    share = used.sum(axis=1) / np.maximum(known.sum(axis=1), least)
+    hidden = backward.followed == HIDDEN
+    share = used.sum(axis=1) / (np.maximum(known.sum(axis=1), least) - hidden.sum(axis=1)).clip(1)
     there = tuple(Swing(first + begin + 0.5, state.copy()) for state in states[begin])
-    return Section(first, darkness, there, states, place, light, share, optics)
+    return Section(first, darkness, there, states, place, light, hidden, share, optics)

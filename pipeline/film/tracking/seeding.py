@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import Floats32, Optics
 from pipeline.film.tracking.motion import moved, place_and_rate, solve
-from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, Section, Swing, follow_from, run
+from pipeline.film.tracking.pieces import NO_LINES, SHOWN, Filter, Piece, Section, Swing, follow_from, run
 from synth.kernels.compiled import kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
 DARK_SHARE, ALIKE = 0.01, 0.7  # pixels left out when the spot is measured; likeness down to which it is followed
 MOST_POINTS, MOST_PROPOSALS = 200, 4000
 SAMPLES, LEAST_SHARE = 96, 0.5  # places judged on a hypothesis' way, and share of them that must be dark
+FIRST_SHARE, LEAST_SHOWN = 0.375, 0.3  # dark of the first quarter, or it is none; of all that must not lie on lines
 STRIDE = 37  # has no divisor in common with SAMPLES: a few of them are spread over the whole way
 BEYOND = 0.3  # periods judged before the first and after the last turning point
 CERTAIN = 6  # power of the share against the length of the way: two traces taken for one swing are a long way
@@ -90,7 +91,8 @@ def _prove(
     piece = run(begun, darkness, first, -1, optics.lens, NO_LINES)
     followed = piece.followed[0] > 0
     used = np.isfinite(piece.variance[0]) & followed
-    if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * followed.sum():
+    shown = piece.followed[0] == SHOWN
+    if followed.sum() < LEAST_SWINGS * seed.period or used.sum() < LEAST_USED * shown.sum():
         return None
     at = int(np.flatnonzero(followed)[followed.sum() // 2])
     swing = Swing(first + at + 0.5, piece.states[at, 0])
@@ -121,9 +123,10 @@ def _coincide(one: Piece, other: Piece, spot: float) -> bool:
 
 def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, period: float | None = None) -> list[Swing]:
     """Swinging traces from row `first` on, surest first; `sigma` of a blank pixel, `period` in rows, if known."""
-    smooth, points = turning_points(np.nan_to_num(darkness), spot)
+    smooth, points = turning_points(across_hidden(darkness), spot)
     if points.shape[0] < 3:
         return []
+    smooth[np.isnan(darkness)] = np.nan
     least = NOISE * sigma / (2.0 * np.sqrt(np.pi) * 0.8 * spot) * 1.3
     shortest, longest = (0.85 * period, 1.18 * period) if period else (5.0 * spot, 0.8 * darkness.shape[0])
     out = np.empty((MOST_PROPOSALS, 8))
@@ -141,6 +144,16 @@ def find_swings(darkness: Floats32, first: int, spot: float, sigma: float, perio
         other, _ = place_and_rate(moved(free[:, None, 1:7], at - free[:, :1]))
         free = free[np.median(np.abs(own - other) / np.sqrt(1.0 + slope**2), axis=1) >= SAME * spot]
     return kept
+
+
+def across_hidden(darkness: Floats32) -> Floats32:
+    """What is hidden, even from row to row: a trace that turns under a line shows on both its sides."""
+    seen = darkness.copy()
+    rows = np.arange(len(darkness))
+    for column in np.flatnonzero(np.isnan(darkness).any(axis=0)):
+        known = np.isfinite(darkness[:, column])
+        seen[:, column] = np.interp(rows, rows[known], darkness[known, column]) if known.any() else 0.0
+    return seen
 
 
 def spot_size(darkness: Floats32) -> float:
@@ -215,14 +228,14 @@ def swing_through(points: Floats, a: int, b: int, c: int) -> Floats:
 
 @kernel
 def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, least: float) -> float:
-    """Share of a hypothesis' way, 1.5 periods and a bit, on which the paper is darker than both its sides."""
+    """Share of a hypothesis' way, 1.5 periods and a bit, if shown, where the paper is darker than on both sides."""
     rows, columns = smooth.shape
     period = 2.0 * math.pi / state[5]
     length = (0.5 + BEYOND) * period
-    hits, inside = 0, 0
+    hits, inside, hidden = 0, 0, 0
     for n in range(SAMPLES):
         i = n * STRIDE % SAMPLES
-        if n == SAMPLES // 4 and hits < SAMPLES // 10:
+        if n == SAMPLES // 4 and hits < FIRST_SHARE * inside:
             return 0.0
         along = -length + 2.0 * length * (i + 0.5) / SAMPLES
         co, si = math.cos(state[5] * along), math.sin(state[5] * along)
@@ -232,18 +245,21 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
         row = middle + along
         if not (0.0 <= row < rows and 0.0 <= column < columns):
             continue
+        here = smooth[int(row), int(column)]
+        if math.isnan(here):
+            hidden += 1
+            continue
         inside += 1
         sides, lowest = 0.0, 0
         for sign in (-1.0, 1.0):
             r = int(row + sign * 4.0 * spot * slope / size)
             c = int(column - sign * 4.0 * spot / size)
-            if 0 <= r < rows and 0 <= c < columns:
+            if 0 <= r < rows and 0 <= c < columns and not math.isnan(smooth[r, c]):
                 sides += smooth[r, c]
                 lowest += 1
-        here = smooth[int(row), int(column)]
         if lowest > 0 and here - sides / lowest > least:
             hits += 1
-    if inside < 0.7 * SAMPLES:
+    if inside + hidden < 0.7 * SAMPLES or inside < LEAST_SHOWN * SAMPLES:
         return 0.0
     return hits / inside
 

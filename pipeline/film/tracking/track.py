@@ -21,7 +21,7 @@ from pipeline.film.marks.search import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
 from pipeline.film.tracking.outcome import MARGIN_SPOTS, NOTHING, checked, flag_lost, read_both
-from pipeline.film.tracking.pieces import NO_LINES, Filter, Piece, Section, follow_from, replay, run
+from pipeline.film.tracking.pieces import HIDDEN, NO_LINES, Filter, Piece, Section, follow_from, replay, run
 from pipeline.film.tracking.probing import SURE, probe
 from pipeline.film.tracking.seeding import read_section
 
@@ -187,7 +187,8 @@ class Following:
             if k < 0 or begun.alive[k]:
                 continue
             usual = median_present(section.brightness[number])
-            begin = _solid_from(section.brightness[number] > LIT * usual, first - section.first, self.film.period)
+            lit, hidden = section.brightness[number] > LIT * usual, section.hidden[number]
+            begin = _solid_from(lit, hidden, first - section.first, self.film.period)
             if begin is not None and section.first + begin < stop:
                 begun.restart(k, section.states[begin, number], usual, section.first + begin - first)
 
@@ -198,7 +199,8 @@ class Following:
         for k in np.flatnonzero((begun.alive == 0) & self.followed.any(axis=1)).tolist():
             light = self.light[k]
             read = np.isfinite(self.variance[k, low:stop]) & (light[low:stop] > LIT * median_present(light))
-            behind = _solid_from(read[::-1], 0, self.film.period)
+            hidden = self.followed[k, low:stop] == HIDDEN
+            behind = _solid_from(read[::-1], hidden[::-1], 0, self.film.period)
             if behind is not None and behind < stop - first:
                 row = stop - 1 - behind
                 lamp = median_present(light[max(0, row - half) : row + 1])
@@ -250,13 +252,13 @@ def first_section(film: Film, probed: Section) -> Section:
     return follow_from(section.swings, darkness, first, film.optics, 1.0)
 
 
-def _solid_from(read: NDArray[np.bool_], least: int, period: float) -> int | None:
+def _solid_from(read: NDArray[np.bool_], hidden: NDArray[np.bool_], least: int, period: float) -> int | None:
     """First row from `least` on with most of half a swing read: beyond a film's ends chance readings are met."""
     half = max(4, round(0.5 * period))
-    total = np.concatenate([[0], np.cumsum(read)])
+    total, lacking = (np.concatenate([[0], np.cumsum(each)]) for each in (read, hidden))
     rows = np.flatnonzero(read)
     stop = np.minimum(rows + half, read.size)
-    solid = rows[(total[stop] - total[rows] >= SOUND * half) & (rows >= least)]
+    solid = rows[(total[stop] - total[rows] >= SOUND * (half - lacking[stop] + lacking[rows])) & (rows >= least)]
     return int(solid[0]) if solid.size else None
 
 

@@ -195,6 +195,8 @@ def test_stages_are_told_what_is_known():
 def test_scale_comes_from_the_marks_where_the_file_is_silent(tmp_path):
     axis = reading(tmp_path).axis
     assert axis.rows_per_second == pytest.approx(60.0)
+    behind = axis.row + 100.0 * (axis.index > axis.index[axis.index.size // 2])
+    assert replace(axis, row=behind).rows_per_second == pytest.approx(60.0)  # the speed is not that of a jerk or stand
     assert film_scale(0.1, 5.0, axis) == (0.1, None)
     scale, note = film_scale(None, 5.08, axis)
     assert scale == pytest.approx(25.4 / 300)

@@ -89,6 +89,36 @@ def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
         assert abs(float(told[1]) - value) < 3.5 * float(told[2])
 
 
+def test_cross_talk_is_weighed_against_a_period_that_is_wrong() -> None:
+    """A percent of each pendulum in the other's trace turns their phases as a period does that is off by 2e-6."""
+    both = [{"name": "1", "combination": {"1": 1.0}}, {"name": "2", "combination": {"2": 1.0}}]
+    made, gravity = record(duration=1800.0, recording={"traces": both})
+    plain = row(made)
+    found = row(changed(made, "elongation", lambda time, value: value + 0.01 * value[::-1]))
+    assert abs(in_sigmas(plain, gravity)) < 3.5
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert "cross-talk of the pendulums" in found["choice_reason"]
+    assert found["gravity_sigma_mgal"] < 5.0
+
+
+def test_the_scale_is_not_told_by_vertical_motion_that_is_not_known() -> None:
+    swings = {"start": {"kind": "free", "amplitude": 0.02, "phase": 0.4}}
+    rough = [
+        {"kind": "harmonics", "amplitude": [0.15, 0.1], "period": [9.0, 7.0]},
+        {"kind": "harmonics", "axis": "vertical", "amplitude": [0.2, 0.15], "period": [8.0, 7.2]},
+    ]
+    made, gravity = record(
+        duration=900.0, pendulum=swings, motion=rough, recording={"vertical_acceleration": False, "noise": 5e-5}
+    )
+    plain = row(made)
+    made["instrument"] = xr.DataTree(made["instrument"].to_dataset(inherit=False).assign(scale_uncertainty=0.01))
+    found = row(made)
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    # by the arcs alone: a fifth of the square of an amplitude of 20 mrad, a hundredth of it, is 1 mGal
+    assert 0.5 < found["gravity_sigma_mgal"] < 3.0
+    assert abs(found["gravity_m_s2"] - plain["gravity_m_s2"]) < 0.2e-5
+
+
 def test_no_fault_is_named_where_there_is_none() -> None:
     assert "apparatus-fault" not in row(record()[0])["flags"]
 

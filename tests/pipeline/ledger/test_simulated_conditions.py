@@ -52,6 +52,23 @@ def test_an_input_that_is_left_out_is_missed_by_its_size() -> None:
     assert abs(row(record)["gravity_m_s2"] - made.gravity) * 1e5 > 150.0
 
 
+def test_what_changes_on_the_way_may_stand_beside_the_readings() -> None:
+    """`temperature(time)` in /record counts as in /instrument."""
+    changing = {"temperature_amplitude": 2.0, "temperature_period": 700.0}
+    brass = {"temperature_coefficient": 94e-7}
+    made = scene(CONDITIONS["temperature"] | changing, first=brass, second=brass, restoring="sine")
+    record, _ = synth.simulate(made)
+    before = row(record)["gravity_m_s2"]
+    constants, read = (record[name].to_dataset(inherit=False) for name in ("instrument", "record"))
+    course = constants["temperature"]
+    assert course.dims == ("time",)
+    record["instrument"] = type(record)(constants.drop_vars("temperature"))
+    record["record"] = type(record)(read.assign(temperature=course))
+    after = row(record)
+    assert after["gravity_m_s2"] == before
+    assert abs(entry(after, "temperature")["value_mgal"]) > 150.0
+
+
 def test_a_tilt_that_wobbles_counts_by_its_mean_square() -> None:
     """cos b over b = +-8 mrad: b^4/24 is 2e-10 mGal of g."""
     made = scene({"tilt": 0.008})

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tiny_film import CURVE, EVERY, LENGTH, PERIOD, SPOT, Tiny, tiny
+from spot_film import Sheet, Swinging, developed, exposure_of
+from tiny_film import CURVE, EVERY, GRAIN, LENGTH, PERIOD, SPOT, VARIANCE, Tiny, tiny
 
 from data_schemas.errors import RefusedError
 from data_schemas.variables_record import ELONGATION_FLAGS
-from pipeline.film.emulsion import ToneCurve
+from pipeline.film.emulsion import Optics, ToneCurve, plain_emulsion, shown_darkness
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing
 from pipeline.film.tracking.outcome import fitted_gaps
@@ -55,6 +56,21 @@ def test_a_section_shows_its_traces(short: Tiny, section: Section) -> None:
     away = short.across(section.place)[:, int(BEGIN) + 4 :]
     assert np.nanmedian(np.abs(away)) < 0.06  # beside gaps single readings lie farther off
     assert np.isfinite(away).mean() > 0.75
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("hidden", [2, 3])
+def test_traces_are_found_that_turn_under_lines_across(hidden: int) -> None:
+    """What is hidden shows neither turns nor that a trace is lost."""
+    turning, rows, period = [Swinging(110.0, 60.0, 0.1), Swinging(290.0, 55.0, 0.3)], 300, 31.3
+    sheet = Sheet(developed(exposure_of(turning, rows, 400), grain=GRAIN))
+    darkness = shown_darkness(plain_emulsion(sheet), sheet, 0, rows, np.nan)
+    for row in np.arange(-0.5, rows, 0.5 * period).astype(int):
+        darkness[max(row - hidden, 0) : row + hidden + 1] = np.nan
+    found = read_section(darkness, 0, Optics(1.2, 0.0, CURVE, VARIANCE), period, 2, least=SURE)
+    assert found is not None
+    assert [swing.amplitude for swing in found.swings] == pytest.approx([60.0, 55.0], rel=0.03)
+    assert found.share.min() > 0.9
 
 
 def test_spot_and_curve_are_told_from_a_section(short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+LIKE = 0.85  # of a name, from which it is a misprint of a known one
 ABSURD = (
     ("", "time", 0.0, 1e12, "s"),
     ("record", "elongation", 0.0, 1e5, "rad"),
@@ -262,11 +263,15 @@ def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> Ite
     for name, meaning in _NEEDED.items() if sizes.get(("record", "trace"), 1) > 1 else ():
         if _entry(contents, "instrument", name) is None:
             yield f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
-    known = rows_of("instrument")
-    for name in contents["instrument"].variables if "instrument" in contents else {}:
-        if name not in known:
-            (near,) = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
-            yield f"instrument/{shown(name)}: is not known, the nearest is {near}; use that name, or leave it out"
+    for group, cutoff in (
+        ("instrument", 0.0),
+        ("record", LIKE),
+    ):  # beside the readings others may stand, but no misprint
+        known = rows_of(group)
+        for name in contents[group].variables if group in contents else {}:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+            if name not in known and near:
+                yield f"{group}/{shown(name)}: is not known, the nearest is {near[0]}; use that name, or leave it out"
     for (path, name), words in WORDS.items():
         word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]
         if not isinstance(word, str) or word not in words:

@@ -39,6 +39,14 @@ def test_an_unknown_constant_is_named_with_the_nearest(record):
     )
 
 
+def test_a_misprint_beside_the_readings_is_named_and_what_is_ones_own_is_not(record):
+    stored = record["record"].to_dataset(inherit=False)
+    wrong = (("time",), np.zeros(stored.sizes["time"]), {"units": "m s-2", "long_name": "x"})
+    record["record"] = xr.DataTree(stored.assign(case_tlt=wrong, stopwatch=wrong))
+    (fault,) = check(record, "record")
+    assert fault == ("record/case_tlt: is not known, the nearest is case_tilt; use that name, or leave it out")
+
+
 def _edit(group, change):
     def apply(tree):
         node = tree[group]

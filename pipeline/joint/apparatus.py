@@ -1,6 +1,5 @@
 """Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
 
-from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -56,17 +55,14 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
             if name == "scale" and not any(np.ndim(stated.get(each, 0.0)) for each in (name, f"{name}_uncertainty")):
                 of = [("stated scale of all angles", -1)]
-            own = [constant(called, kind, name, prior, j) for called, j in of]
-            # unknown vertical motion passes for it: its sigma counts by the arcs (`unfollowed.doubt_by_scale`)
-            known_by_arcs = of[0][1] < 0 and problem.heave is None
-            found += [replace(each, prior=EXACT) for each in own] if known_by_arcs else own
+            found += [constant(called, kind, name, prior, j) for called, j in of]
     for i, part in enumerate(np.asarray(known["period_relative_uncertainty"]).tolist()):
         if part > 0.0:  # of n^2
             found.append(Constant(f"stated period of pendulum {i + 1}", kinds.RATIO, 2.0 * part, i, stated=True))
     return tuple(found)
 
 
-def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
+def faults(problem: Problem, own: Constants, *, arcs_tell: bool) -> list[Constant]:
     """What may be wrong all along, beside constants that are sought already; of gains and periods only as many as there
     are differences: one more would be the scale of all, which nothing but the arcs tells."""
     half = 0.5 * problem.lattice.duration
@@ -81,7 +77,7 @@ def faults(problem: Problem, own: Constants, *, sine: bool) -> list[Constant]:
     if np.any(problem.lattice.trace == problem.traces + 1):
         found.append(Constant("scale of the heave", kinds.READ_HEAVE_SCALE, HEAVE_SCALE, problem.traces + 1))
         found.append(Constant("delay of the heave", kinds.READ_HEAVE_DELAY, HEAVE_DELAY, problem.traces + 1))
-    if sine and problem.heave is not None and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
+    if arcs_tell and not any(each.kind == kinds.GAIN and each.index < 0 for each in own):
         found.append(Constant("scale of all angles", kinds.GAIN, GAIN))
     if not any(each.kind == kinds.DAMPING for each in own):
         rates = enumerate(np.abs(problem.damping).tolist())

@@ -64,7 +64,9 @@ def _possible(fit: Fitted) -> list[Constant]:
         for i in range(fit.model.problem.pendulums)
         if name not in names
     ]
-    return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, sine=fit.model.assumed.sine)]
+    assumed = fit.model.assumed
+    arcs_tell = assumed.sine and not assumed.heaves
+    return [*found, *apparatus.faults(fit.model.problem, fit.model.constants, arcs_tell=arcs_tell)]
 
 
 def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: float = FAULT) -> list[Candidate]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import kinds, passes
+from pipeline.joint import apparatus, kinds, passes
 from pipeline.joint.constants import Constant, Constants, Solution, solve
 from pipeline.joint.course import Course, mean_gravity, prior_root
 from pipeline.joint.lattice import LONG_GAP
@@ -102,6 +102,7 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     """Gauss-Newton about the smoothed path, until it is straight between the last two, or so many passes are done.
     Paths contract a thousandfold a pass, but in long gaps: the last needs no smoothing. That of linear pendulums only
     scales derivatives: smoothed under the ship's own spectrum, it stays."""
+    model = _of_known_scale(model)
     about = grown(about, model.problem.pendulums, model.assumed.ship)
     root = prior_root(model.constants, model.course)
     constants, left, doubt = model.constants, np.inf if model.assumed.sine or smooth else 0.0, 0.0
@@ -122,6 +123,16 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
     # whitened errors serve from here on, and long records have many
     of = of._replace(errors=np.zeros(0, dtype=np.float32), whitened=of.whitened.astype(np.float32))
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
+
+
+def _of_known_scale(model: Model) -> Model:
+    """Where unknown vertical motion is assumed, which passes for a scale of all angles, that is as stated: its sigma
+    counts by the arcs (`unfollowed.doubt_by_scale`)."""
+    known = tuple(
+        replace(each, prior=apparatus.EXACT, value=each.mean) if each.kind == kinds.GAIN and each.index < 0 else each
+        for each in model.constants
+    )
+    return replace(model, constants=known) if model.assumed.heaves else model
 
 
 def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted | None:

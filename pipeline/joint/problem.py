@@ -44,6 +44,11 @@ class Assumed:
     breaks: tuple[tuple[int, int], ...] = ()
     """Nodes from which a pendulum goes on as nothing before tells, and that pendulum: a knock, a restart."""
 
+    @property
+    def heaves(self) -> bool:
+        """Whether vertical motion that is not known acts on the pendulums."""
+        return self.sine and any(each.axis == "vertical" for each in self.ship)
+
 
 @dataclass(frozen=True)
 class Problem:

@@ -195,9 +195,9 @@ def _change(fit: Fitted, gravity: Floats, problem: Problem) -> float:
 
 
 def doubt_by_scale(fit: Fitted, sigma: Any) -> float:
-    """1 sigma of gravity over itself by one of the scale of all angles where vertical motion is not known: to that the
-    scale is too much alike to be told, and gravity grows by a quarter of an amplitude's square."""
+    """1 sigma of gravity over itself by one of the scale of all angles, where unknown vertical motion is assumed: it
+    grows by a quarter of an amplitude's square."""
     problem = fit.model.problem
-    if np.ndim(sigma) or not problem.leaves_heave_open(fit.model.assumed.sine):
+    if np.ndim(sigma) or not fit.model.assumed.heaves:
         return 0.0
     return 0.5 * float(sigma) * float(np.var(fit.path[:, : 2 * problem.pendulums : 2], axis=0).max())

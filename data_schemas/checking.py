@@ -263,10 +263,7 @@ def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> Ite
     for name, meaning in _NEEDED.items() if sizes.get(("record", "trace"), 1) > 1 else ():
         if _entry(contents, "instrument", name) is None:
             yield f"instrument/{name}: is missing; give {meaning} (only a record of a single trace can do without)"
-    for group, cutoff in (
-        ("instrument", 0.0),
-        ("record", LIKE),
-    ):  # beside the readings others may stand, but no misprint
+    for group, cutoff in (("instrument", 0.0), ("record", LIKE)):  # beside the readings what is one's own may stand
         known = rows_of(group)
         for name in contents[group].variables if group in contents else {}:
             near = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)

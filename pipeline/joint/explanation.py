@@ -128,11 +128,13 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
 def _of_known_scale(model: Model) -> Model:
     """Where unknown vertical motion is assumed, which passes for a scale of all angles, that is as stated: its sigma
     counts by the arcs (`unfollowed.doubt_by_scale`)."""
+    if not model.assumed.heaves:
+        return model
     known = tuple(
         replace(each, prior=apparatus.EXACT, value=each.mean) if each.kind == kinds.GAIN and each.index < 0 else each
         for each in model.constants
     )
-    return replace(model, constants=known) if model.assumed.heaves else model
+    return replace(model, constants=known)
 
 
 def attempted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOST_FITS) -> Fitted | None:

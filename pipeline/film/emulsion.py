@@ -5,6 +5,7 @@ taken of what lies about the middle, clipped again and again.
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, median_filter
 
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.film.marks.lines import BLIND, Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
 from synth.kernels.compiled import kernel
@@ -30,11 +31,13 @@ BLANK, BESIDE = 3.5, (5, 17)  # sigmas, within which a pixel is one of blank fil
 CLUMPS, PLATEAU = 12, 8  # px over which grain may be alike; and over which background is
 FAINT = 0.02  # correlation of none
 ROUNDS = 4
-TURNS, LEAST_PIXELS = 2, 64  # of what lies between marks and what marks are; of a block, that lie between marks
+TURNS, LEAST_PIXELS = 3, 64  # of what lies between marks and what marks are; of a block, that lie between marks
+UNMARKED = 1e-3  # darkness that marks across the film add at most, where film lies between them
 LEAST_SIGMA = 2.5e-3  # of a pixel of blank film: without grain it is rounded, and no background is known better
 LEAST_GROWTH = 5e-5  # the model of a line leaves a hundredth or so of its darkness, whatever the grain
 STEEPEST_GRAIN = 100.0  # growth of the variance over that on blank film, per unit of darkness
 Floats32 = NDArray[np.float32]
+Unlit = Callable[[int, int, int], NDArray[np.bool_]]  # from its first row, rows and columns: film that no line lit
 
 
 class Lens(NamedTuple):
@@ -207,20 +210,32 @@ def darkness_table(full_scale: int) -> Floats32:
     return np.log10(full_scale / values).astype(np.float32)
 
 
-def measure_blank(scan: OpenScan, across: Lines | None = None) -> Blank:
-    """Blank film from strips spread over the whole scan, between the time marks `across` it."""
+def measure_blank(scan: OpenScan, across: Lines | None = None, unlit: Unlit | None = None) -> Blank:
+    """Blank film from strips spread over the whole scan, between the time marks `across` it, and where it is `unlit`.
+
+    Faint lines that sweep over a block are no outliers of it: by what is unlit of others its level is mended.
+    """
     strips = int(np.clip(scan.rows // (4 * STRIP_ROWS), 1, MOST_STRIPS))
     height = min(STRIP_ROWS if across is None else TALLER * STRIP_ROWS, scan.rows)
     firsts = np.linspace(0, scan.rows - height, strips).astype(int)
     edges = np.linspace(0, scan.columns, max(1, round(scan.columns / BLOCK_COLUMNS)) + 1).astype(int)
-    level, spread = np.empty((2, strips, edges.size - 1))
+    level, spread, bare = np.full((3, strips, edges.size - 1), np.nan)
     for i, first in enumerate(firsts.tolist()):
         strip = darkness_table(scan.full_scale)[scan.read(first, first + height)]
-        open_film = np.full(strip.shape, True) if across is None else across.over(first, *strip.shape) == 0.0
+        open_film = (
+            np.full(strip.shape, True) if across is None else np.abs(across.over(first, *strip.shape)) < UNMARKED
+        )
+        dark = None if unlit is None else open_film & unlit(first, height, scan.columns)
         for j, (low, high) in enumerate(itertools.pairwise(edges)):
             unmarked = strip[:, low:high][open_film[:, low:high]].astype(np.float64)
             shown = unmarked if unmarked.size >= LEAST_PIXELS else strip[:, low:high].ravel()
             level[i, j], spread[i, j] = _clipped_mean(shown)
+            if dark is not None and np.count_nonzero(dark[:, low:high]) >= LEAST_PIXELS:
+                bare[i, j], _ = _clipped_mean(strip[:, low:high][dark[:, low:high]].astype(np.float64))
+    if unlit is not None:
+        away = bare - level
+        usual = np.array([median_present(each) if np.isfinite(each).any() else 0.0 for each in away.T])
+        level = level + np.where(np.isfinite(away), away, usual)
     return Blank(firsts + 0.5 * height, 0.5 * (edges[1:] + edges[:-1]), _smoothed(level), float(np.median(spread)))
 
 

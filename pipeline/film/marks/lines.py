@@ -71,13 +71,14 @@ class Lines(NamedTuple):
         return top, peak_widths(self.light, top)[0]
 
     def cleared(self) -> "Lines":
-        """The same with what the usual marks' light is."""
+        """The same above what is shown midway between marks, with what the usual marks' light is."""
         top, breadth = self.marks()
-        usual = self.light[top] < ODD * np.median(self.light[top])
+        light = self.light - (np.median(self.light[(top[1:] + top[:-1]) // 2]) if top.size > 1 else 0.0)
+        usual = light[top] < ODD * np.median(light[top])
         near = np.zeros(self.light.size, dtype=bool)
         for row, wide in zip(top[usual], breadth[usual], strict=True):
             near[max(int(row - REACH * wide), 0) : int(row + REACH * wide) + 2] = True
-        return self._replace(usual=np.where(near, np.maximum(self.light, 0.0), 0.0))
+        return self._replace(light=light, usual=np.where(near, np.maximum(light, 0.0), 0.0))
 
 
 def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:

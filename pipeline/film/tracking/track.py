@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats, median_present
 from pipeline.film.edits import Placed
-from pipeline.film.emulsion import FilmEmulsion, Optics, shown_darkness
+from pipeline.film.emulsion import FilmEmulsion, Optics, measure_blank, shown_darkness
 from pipeline.film.marks.search import in_order
 from pipeline.film.parts import Tracks
 from pipeline.film.scan.opening import OpenScan
@@ -31,6 +32,7 @@ PIECE_SWINGS, SECTION_SWINGS = 4.0, 6.0
 SOUND = 0.6  # share of rows read in half a swing, from which a trace is there
 NEAR_SWING = 1.5  # of a first guess of the rows in a swing
 LEAST_LINE = 0.5  # of a swing, from which a line drawn by hand starts a trace
+WINGS = 4.0  # spots, beyond which a line lights nothing
 LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyond the ends of the film
 AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
 WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
@@ -96,6 +98,7 @@ class Following:
         out = Following(film, section, tracks, misfit, place, variance, light, np.zeros((traces, rows), np.uint8))
         pieces, idle = range(len(film.pieces)), Filter.idle(traces, film.period)
         out._forward(pieces, deepcopy(idle), [(swing.row, swing.state) for swing in section.swings])
+        out._measure_between()
         out._backward(pieces, idle)
         out.tracks = replace(tracks, rows_per_swing=usual_swing(tracks))
         return out
@@ -143,6 +146,28 @@ class Following:
                 if good.size:
                     last[k] = (first + good[-1] + 0.5, piece.states[good[-1], k].copy())
             film.progress(stop, 2 * film.scan.rows)
+
+    def _measure_between(self) -> None:
+        """Blank film and, with it, the optics once more, now that it is known which film no line lit."""
+        film, rows = self.film, np.arange(self.film.scan.rows)
+        half = int(np.ceil(WINGS * film.optics.spot))
+        left, right = np.stack([np.full_like(self.place, -np.inf), np.full_like(self.place, np.inf)])
+        for k, (place, variance) in enumerate(zip(self.place, self.variance, strict=True)):
+            read = np.isfinite(variance)
+            if read.any():
+                course, known = np.interp(rows, rows[read], place[read]), self.followed[k] > 0
+                left[k] = minimum_filter1d(np.where(known, course, -np.inf), 2 * half + 1)
+                right[k] = maximum_filter1d(np.where(known, course, np.inf), 2 * half + 1)
+
+        def unlit(first: int, height: int, columns: int) -> NDArray[np.bool_]:
+            at, some = np.arange(columns), slice(first, first + height)
+            bounds = zip(left[:, some], right[:, some], strict=True)
+            beside = [(at < a[:, None] - half) | (at > b[:, None] + half) for a, b in bounds]
+            return np.logical_and.reduce(beside)
+
+        blank = measure_blank(film.scan, film.emulsion.blank.across, unlit)
+        film = replace(film, emulsion=replace(film.emulsion, blank=blank._replace(across=film.emulsion.blank.across)))
+        self.film = film
 
     def _backward(self, pieces: range, begun: Filter) -> None:
         """Follow all traces back, join both ways piece by piece, and read every row."""

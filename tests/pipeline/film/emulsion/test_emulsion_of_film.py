@@ -21,7 +21,15 @@ from spot_film import (
     shutter,
 )
 
-from pipeline.film.emulsion import HIGHEST_EXPOSURE, UNTOLD, Blank, FilmEmulsion, ToneCurve, measure_blank
+from pipeline.film.emulsion import (
+    HIGHEST_EXPOSURE,
+    UNTOLD,
+    Blank,
+    FilmEmulsion,
+    ToneCurve,
+    measure_blank,
+    plain_emulsion,
+)
 from pipeline.film.tracking.probing import measure_emulsion
 
 
@@ -53,6 +61,31 @@ def test_blank_film_is_told_under_lines_and_vignette(kind):
     expected = -np.log10(light[np.ix_(blank.rows.astype(int), blank.columns.astype(int))])
     assert np.abs(blank.darkness - expected).max() < 0.006
     assert blank.sigma == pytest.approx(0.01, rel=0.15)
+
+
+def test_blank_film_between_dark_lines_is_measured_beside_their_wings():
+    rng, rows = np.random.default_rng(1), np.arange(1500)
+    lines = 0.6 * np.exp(-0.5 * ((rows % 14.3 - 7.0) / 1.4) ** 2)
+    image = 0.8 * 10.0 ** -(lines[:, None] + 0.01 * rng.normal(size=(1500, 640)))
+    blank = plain_emulsion(Sheet(np.round(65535 * image).astype(np.uint16))).blank
+    assert blank.across is not None
+    assert np.abs(blank.darkness + np.log10(0.8)).max() < 0.002
+    assert blank.sigma == pytest.approx(0.01, rel=0.05)
+
+
+def test_faint_lines_that_sweep_over_a_block_do_not_darken_blank_film():
+    rng, swept = np.random.default_rng(2), np.zeros((400, 1000), dtype=bool)
+    for row in range(400):
+        swept[row, (37 * row) % 450 : (37 * row) % 450 + 120] = True
+    image = 0.8 * 10.0 ** -(0.01 * swept + 0.01 * rng.normal(size=swept.shape))
+    scan = Sheet(np.round(65535 * image).astype(np.uint16))
+
+    def unlit(first, rows, columns):
+        return ~swept[first : first + rows, :columns]
+
+    off = [np.abs(measure_blank(scan, None, each).darkness + np.log10(0.8)).max() for each in (None, unlit)]
+    assert off[0] > 0.0018
+    assert off[1] < 0.0012
 
 
 def test_pixels_become_darkness_and_exposure():

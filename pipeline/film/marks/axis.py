@@ -5,6 +5,7 @@ but the paper moves all traces at once: what lasts in their differences is error
 """
 
 import itertools
+import math
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def axis_of(search: GapSearch, tracks: Tracks, marking: Marking, marks: MarkEdit
 
 def _mark_sigma(freed: Floats, sigma: Floats, paper: Drive, hidden: float) -> float:
     """1 sigma, s, of a mark's time, of all traces together: scatter, motion unseen between marks, missing marks."""
-    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
+    weight = np.where(paper.used, 1.0 / (sigma**2 + paper.model.own**2), 0.0)
     seen = weight.any(axis=0)
     rest = np.nansum(weight * (freed - paper.row), axis=0)[seen] / weight.sum(axis=0)[seen]
     h, shake, roughness = paper.model.step, np.exp(2.0 * paper.model.shake), np.exp(2.0 * paper.model.roughness)
@@ -141,11 +142,13 @@ def refined(rows: Floats, sigma: Floats, columns: Floats, paper: Drive) -> tuple
     """
     traces = len(rows)
     used = paper.used & np.isfinite(rows) & np.isfinite(columns)
-    weight = np.where(used, 1.0 / (sigma**2 + paper.model.floor**2), 0.0)
+    several = used.sum(axis=0) > 1
+    among = several.sum() >= ENOUGH  # themselves, what they share is no error
+    shared = 0.0 if among else paper.model.floor
+    weight = np.where(used, 1.0 / (sigma**2 + paper.model.own**2 + shared**2), 0.0)
     each_one = np.broadcast_to(np.eye(traces)[:, :, None], (traces, *rows.shape))
     terms = np.stack([*each_one, np.where(used, columns, 0.0), np.where(used, rows - paper.row, 0.0)])
-    several = used.sum(axis=0) > 1
-    if several.sum() >= ENOUGH:
+    if among:
         weight[:, ~several] = 0.0
     mean = np.einsum("km,pkm->pm", weight, terms) / np.maximum(weight.sum(axis=0), 1e-300)
     terms[:, :, several] -= mean[:, None, several]
@@ -169,7 +172,7 @@ def lasting(rows: Floats, paper: Drive) -> float:
     products = [each[lag:] * each[:-lag] for each in apart for lag in range(1, LAGS + 1)]
     several = [known for each in products if (known := each[np.isfinite(each)]).size >= ENOUGH_PAIRS]
     if not several:
-        return SHARED * paper.model.floor
+        return SHARED * math.hypot(paper.model.floor, paper.model.own)
     together = np.concatenate(several)
     chance = float(np.std(together)) / np.sqrt(together.size)
     of_one = 0.5 * max(float(np.mean(together)) - chance, 0.0)  # variance of a trace; a difference has two

@@ -1,8 +1,9 @@
 """The paper's motion, row against time, from all marks: smooth speed and the lines of wow that the film itself shows.
 
 A Gaussian process: random walks of the acceleration, for what turns smoothly, and of the speed, for what slips and
-catches, and damped rotating pairs at the frequencies that stand out. Strengths and the floor of the marks' errors are
-the most likely ones. With the first walk alone the times of a rough drive are worse than they say.
+catches, and damped rotating pairs at the frequencies that stand out. Strengths and the floor of the marks' errors,
+which all traces share as one shutter closes them, are the most likely ones; what each trace has beside it, its distance
+from the others shows. With the first walk alone the times of a rough drive are worse than they say.
 """
 
 import itertools
@@ -24,6 +25,7 @@ LOWEST, HIGHEST = (-12.0, -8.0, np.log(2e-3)), (8.0, 4.0, np.log(3.0))  # of rou
 START, SIDES = (np.log(0.3), np.log(0.03), np.log(0.03)), np.diag([1.5, 1.0, 0.5])
 COHERENCE = (1e6, 3e3)  # s, over which a line of wow may keep its phase
 OUTLIER = 5.0  # sigmas
+ENOUGH_PAIRS = 12  # marks on two traces
 GAINED = 10.0  # fall of -2 log likelihood that a line must bring
 LONG_GAP = 3.0  # s without marks
 SLIP, LEAST_SLIP, ABOUT = 8.0, 1.5, 11  # deviations, and px, of the rows between two marks; marks about them
@@ -38,7 +40,8 @@ class Model(NamedTuple):
     step: float  # s between the marks
     roughness: float  # log of 1 sigma of the white noise of the acceleration's rate, px s-5/2
     shake: float  # log of 1 sigma of the white noise of the acceleration itself, px s-3/2
-    floor: float  # error that all marks have beside the measured one, px
+    floor: float  # error that a mark has on all traces, px
+    own: float = 0.0  # error that it has on each, beside the measured one, px
     lines: Lines = ()  # of wow: circular frequency, rad s-1, amplitude, px, and coherence, s
 
 
@@ -62,6 +65,7 @@ def drive(
 ) -> Drive:
     """The most likely motion by rows (traces, marks), NaN = missing, every `step` s; lines of `before` stay."""
     first = Model(step, START[0], START[1], math.exp(START[2])) if before is None else before.model
+    first = first._replace(own=own_error(rows, sigma))
     paper = _most_likely(rows, sigma, first, jumps)
     for _ in range(MOST_LINES if before is None else 0):
         line = _line(rows, paper)
@@ -74,12 +78,26 @@ def drive(
             break
         paper = better
     for _ in range(3):
-        residual = (rows - paper.row) / np.sqrt(sigma**2 + paper.model.floor**2 + paper.row_sigma**2)
+        residual = (rows - paper.row) / np.sqrt(
+            sigma**2 + paper.model.own**2 + paper.model.floor**2 + paper.row_sigma**2
+        )
         believed = np.where(np.abs(residual) > OUTLIER, np.nan, rows)
         if np.array_equal(np.isfinite(believed), paper.used):
             break
         paper = _most_likely(believed, sigma, paper.model, jumps)
     return paper
+
+
+def own_error(rows: Floats, sigma: Floats) -> float:
+    """1 sigma, px, of how a mark's `rows` (traces, marks) lie apart beyond their `sigma`; 0 of a single trace."""
+    more = []
+    for one, other in itertools.combinations(range(len(rows)), 2):
+        away = rows[one] - rows[other]
+        both = np.isfinite(away)
+        if both.sum() >= ENOUGH_PAIRS:
+            spread = 1.4826 * np.median(np.abs(away[both] - np.median(away[both])))
+            more.append(spread**2 - np.median(sigma[one, both] ** 2 + sigma[other, both] ** 2))
+    return math.sqrt(max(0.5 * float(np.mean(more)), 0.0)) if more else 0.0
 
 
 def slips(rows: Floats) -> NDArray[np.int64]:
@@ -122,7 +140,7 @@ def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64
 
     h, marks, used = model.step, rows.shape[1], np.isfinite(rows)
     # the rows that several traces show of one mark count as their mean
-    variance = np.where(used, sigma**2 + model.floor**2, np.inf)
+    variance = np.where(used, sigma**2 + model.own**2, np.inf)
     together = 1.0 / np.maximum((1.0 / variance).sum(axis=0), 1e-300)
     mean = together * np.where(used, rows / variance, 0.0).sum(axis=0)
     known = np.flatnonzero(used.any(axis=0))
@@ -149,7 +167,9 @@ def run_drive(rows: Floats, sigma: Floats, model: Model, jumps: NDArray[np.int64
     start[:2] = first - known[0] * h * pace, pace
     begin = start, block_diag(*before)
     mean[~used.any(axis=0)] = np.nan
-    likelihood, state, spread, *ahead = filter_drive(step, block_diag(*noise), sees[0], begin, mean, together, stood)
+    likelihood, state, spread, *ahead = filter_drive(
+        step, block_diag(*noise), sees[0], begin, mean, together + model.floor**2, stood
+    )
     if smooth:
         smooth_drive(step, state, spread, *ahead)
     row_sigma, speed_sigma = np.sqrt(np.maximum(np.einsum("pi,kij,pj->pk", sees[:2], spread, sees[:2]), 0.0))

@@ -86,6 +86,7 @@ class Following:
     variance: Floats
     light: Floats
     followed: NDArray[np.uint8]
+    first_look: FilmEmulsion  # with which they were followed along
     checkpoints: dict[int, tuple[Filter, Last]] = field(default_factory=dict)  # before each piece, with last readings
     behind: dict[int, Filter] = field(default_factory=dict)  # the same on the way back
 
@@ -95,7 +96,9 @@ class Following:
         traces, rows = len(section.swings), film.scan.rows
         tracks = Tracks.empty(traces, rows, film.period, film.optics.spot, film.optics.shear)
         misfit, (place, variance, light) = np.empty((traces, rows), np.float32), np.empty((3, traces, rows))
-        out = Following(film, section, tracks, misfit, place, variance, light, np.zeros((traces, rows), np.uint8))
+        out = Following(
+            film, section, tracks, misfit, place, variance, light, np.zeros((traces, rows), np.uint8), film.emulsion
+        )
         pieces, idle = range(len(film.pieces)), Filter.idle(traces, film.period)
         out._forward(pieces, deepcopy(idle), [(swing.row, swing.state) for swing in section.swings])
         out._measure_between()
@@ -124,9 +127,14 @@ class Following:
         """The traces, where they can be trusted; see `checked`."""
         return checked(self.tracks, self.misfit, float(self.film.optics.grain[1]))
 
+    @property
+    def along(self) -> Film:
+        """The film as it is followed along."""
+        return replace(self.film, emulsion=self.first_look)
+
     def _forward(self, pieces: range, begun: Filter, last: Last) -> None:
         """Follow all traces along some pieces; those that were lost are searched for at the start of each."""
-        film = self.film
+        film = self.along
         for number, darkness in zip(pieces, film.pixels(pieces), strict=True):
             first, stop = film.pieces[number]
             part, begun.begins[:] = slice(first, stop), -1
@@ -163,7 +171,7 @@ class Following:
             at, some = np.arange(columns), slice(first, first + height)
             bounds = zip(left[:, some], right[:, some], strict=True)
             beside = [(at < a[:, None] - half) | (at > b[:, None] + half) for a, b in bounds]
-            return np.logical_and.reduce(beside)
+            return np.asarray(np.logical_and.reduce(beside))
 
         blank = measure_blank(film.scan, film.emulsion.blank.across, unlit)
         film = replace(film, emulsion=replace(film.emulsion, blank=blank._replace(across=film.emulsion.blank.across)))
@@ -204,7 +212,7 @@ class Following:
         """Find traces that are not being followed, and say which is which by where and how they swung last."""
         section, names = self.section, list(range(len(last)))
         if first >= section.first + section.darkness.shape[0]:
-            again = self.film.section(first, stop, len(last))
+            again = self.along.section(first, stop, len(last))
             if again is None:
                 return
             section, names = again, match(again, last)

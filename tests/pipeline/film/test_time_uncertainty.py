@@ -75,6 +75,19 @@ def test_rough_drives_are_told_from_smooth_ones(rough: float, shake: float) -> N
     assert np.hypot(0.02, found.model.floor) == pytest.approx(0.03, rel=0.2)
 
 
+@pytest.mark.compiled
+def test_what_a_shutter_does_to_all_traces_is_no_error_of_each() -> None:
+    """Three traces of a mark share its jitter: their mean is no better than that, however many there are."""
+    rng, at = np.random.default_rng(4), STEP * np.arange(600)
+    true = 59.0 * at + np.cumsum(np.cumsum(0.004 * rng.normal(size=at.size))) * STEP
+    jitter, apart = 0.03 * rng.normal(size=at.size), 0.02 * rng.normal(size=(3, at.size))
+    noisy = true + jitter + np.hypot(1.0, 0.5) * apart
+    found = drive(noisy, np.full_like(noisy, 0.02), STEP)
+    assert found.model.floor == pytest.approx(0.03, rel=0.15)
+    assert found.model.own == pytest.approx(0.01, rel=0.3)
+    assert np.sqrt(np.mean(((found.row - true) / found.row_sigma) ** 2)) == pytest.approx(1.0, abs=0.25)
+
+
 def plain(marks: int, shake: float) -> Drive:
     one = np.ones(marks)
     used = np.ones((2, marks), dtype=bool)

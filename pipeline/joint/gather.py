@@ -32,7 +32,7 @@ COARSEST = 0.3  # of the swing's root mean square, a step to which readings are 
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 MOST_STEPS = 30  # of a film's paper
 LASTING = 10.0  # s: errors of a film's times, where the noise of its marks is not stated
-LONGEST_GAP = 1.0  # s, of a heave that is interpolated
+LONGEST_GAP, ENDS = 1.0, 1  # s, of a heave that is interpolated; samples that it may lack at either end
 ABOVE = 2.0  # of the noise: what may stand beside zero frequency by chance
 NEIGHBOURS, ENOUGH = 7, 20000  # values whose sixth difference shows their noise; so many such
 
@@ -100,6 +100,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         there = np.flatnonzero(np.isfinite(heave))
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
+        dense = dense and there[0] <= ENDS and there[-1] >= time.size - 1 - ENDS
         if dense:
             white = _white(time[there], heave[there])
         if white > NOISY * np.sqrt(time[-1] - time[0]):

@@ -256,6 +256,17 @@ def test_gravity_in_a_recorded_heave_is_its_bias() -> None:
     assert abs(in_sigmas(found, gravity)) < 3.5
 
 
+@pytest.mark.parametrize("begins", [False, True])
+def test_a_heave_that_is_recorded_for_a_part_is_not_drawn_on(begins: bool) -> None:
+    made, gravity = record()
+    found = row(
+        changed(made, "vertical_acceleration", lambda time, value: np.where((time > 150.0) == begins, value, np.nan))
+    )
+    assert found["status"] == "ok"
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 5.0
+
+
 def test_what_two_traces_hold_alike_for_long_is_left_out_of_both() -> None:
     def copied(time: np.ndarray, value: np.ndarray) -> np.ndarray:
         value[1] = np.where((time > 60.0) & (time < 90.0), value[0], value[1])

@@ -266,8 +266,10 @@ def _record_faults(contents: Contents, sizes: dict[tuple[str, str], int]) -> Ite
     for group, cutoff in (("instrument", 0.0), ("record", LIKE)):  # beside the readings what is one's own may stand
         known = rows_of(group)
         for name in contents[group].variables if group in contents else {}:
+            if name in known:
+                continue
             near = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
-            if name not in known and near:
+            if near:
                 yield f"{group}/{shown(name)}: is not known, the nearest is {near[0]}; use that name, or leave it out"
     for (path, name), words in WORDS.items():
         word = contents[path].attrs.get(name, words[0]) if path in contents else words[0]

@@ -26,6 +26,7 @@ from pipeline.film.wander import Paper, paper_motion
 if TYPE_CHECKING:
     import xarray as xr
 
+SOME_SWINGS, LEAST_BLOCKS = 10.0, 6  # by which the period of the swing is told; and fewest blocks of so many
 AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -197,6 +198,26 @@ def courses(reading: Reading, order: list[int]) -> tuple[Floats, Floats]:
     return seconds[timed], tracks.course[order][:, timed]
 
 
+def swing_period(reading: Reading) -> tuple[float, float]:
+    """Period of the swing as the courses show it between marks, too, s, and its 1 sigma; NaN of too short a film."""
+    tracks, seconds = reading.tracks, reading.axis.seconds
+    guess, found = tracks.rows_per_swing / reading.axis.rows_per_second, []
+    for course in tracks.course:
+        known = np.isfinite(course) & np.isfinite(seconds)
+        block = (seconds[known] - reading.axis.index[0] * reading.axis.interval) / (SOME_SWINGS * guess)
+        turned = (course[known] - course[known].mean()) * np.exp(-2j * np.pi * SOME_SWINGS * block)
+        number = np.maximum(block, 0.0).astype(int)
+        sums = np.bincount(number, turned.real) + 1j * np.bincount(number, turned.imag)
+        there = np.flatnonzero(np.bincount(number))
+        if there.size >= LEAST_BLOCKS:
+            away, covariance = np.polyfit(there, np.unwrap(np.angle(sums[there])), 1, cov=True)
+            found.append((away[0], covariance[0, 0]))
+    if not found:
+        return np.nan, np.nan
+    away, variance = np.mean(found, axis=0) / (2.0 * np.pi * SOME_SWINGS) ** np.array([1, 2])
+    return float(guess / (1.0 + away)), float(guess * np.sqrt(variance))
+
+
 def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
     """What a reader of the record should know of the reading and of the paper's motion, as attributes of /film."""
     axis = reading.axis
@@ -213,6 +234,9 @@ def findings(reading: Reading, paper: Paper | None = None) -> dict[str, Any]:
         "flags": ", ".join([*reading.flags, *(["paper-wandered"] if paper is not None else [])]),
         "notes": "; ".join(reading.notes),
     }
+    if reading.kind == "strobe":
+        period, sigma = swing_period(reading)
+        found |= {"swing_period": period, "swing_period_uncertainty": sigma} if np.isfinite(period) else {}
     if reading.edits is not None:
         found["edits"] = reading.edits.text()
     if paper is not None:

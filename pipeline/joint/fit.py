@@ -12,7 +12,7 @@ from pipeline.joint.gather import Gathered
 from pipeline.joint.lattice import LONG_GAP
 from pipeline.joint.outliers import of_the_law, reconsidered
 from pipeline.joint.problem import LEVEL
-from pipeline.joint.start import CAPTURE, first_fits
+from pipeline.joint.start import CAPTURE, CLOSE, MGAL, MOST_APART, first_fits
 from pipeline.joint.unfollowed import (
     change_by_rounding,
     change_in_gaps,
@@ -22,10 +22,8 @@ from pipeline.joint.unfollowed import (
     stiffened,
 )
 
-MGAL = 1e-5  # m s-2
-MOST_APART = 10.0  # mGal
 MUCH_AHEAD = 1e4  # in log-likelihood, of a law that leaves nothing but noise without other explanations
-CLOSE, DECISIVE = 10.0, 100.0  # in log-likelihood, where the likelier law explains the readings, and where it does not
+DECISIVE = 100.0  # in log-likelihood, where the likelier law does not explain the readings; `CLOSE`: where it does
 MOTION = "motion"  # in the words of a component of the ship
 DOUBTFUL = 1.3  # factor by which errors exceed the likelier law's model
 MOST_SPREAD = 30.0

@@ -52,6 +52,7 @@ class Gathered:
     still: tuple[str, ...]  # Traces that stand still for a while, and when, in words
     tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
     film: bool  # Whether the traces were read from a film, whose spots and optics err with the swing
+    shown: tuple[float, float]  # The swing's period between a film's marks, s, and its 1 sigma; NaN where not told
     denser: Callable[[], Gathered]
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 
@@ -139,7 +140,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
             _track(known, all_times, lattice), steps, *(_of_film(record, lattice) if "film" in record.children else ()),
         ),
         labels, known, np.append(stated, accelerations), white, doubt, still, tilts, "film" in record.children,
-        partial(gather, record, calm=False),
+        _shown(record), partial(gather, record, calm=False),
     )  # fmt: skip
 
 
@@ -199,6 +200,16 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     nodes = lattice.start + lattice.step * np.arange(lattice.nodes)
     mean = np.interp(nodes, time, change).mean()
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
+
+
+def _shown(record: DataTree) -> tuple[float, float]:
+    """The period of the swing, s, that a film shows between its marks, and its 1 sigma; NaN where it tells none."""
+    stated = record["film"].attrs if "film" in record.children else {}
+    try:
+        period, sigma = (float(stated.get(f"swing_period{end}", np.nan)) for end in ("", "_uncertainty"))
+    except (TypeError, ValueError):
+        return np.nan, np.nan
+    return period, sigma
 
 
 def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[float, ...]]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from data_schemas.errors import RefusedError
 from pipeline.arrays import Floats
 from pipeline.joint import apparatus, kinds, motion, outliers
 from pipeline.joint.constants import Constant, Constants, starts
@@ -25,6 +26,9 @@ MOST_OUTLIERS = 0.1  # share of the readings of a cold start
 UNSTATED = 1e-4  # rad: reading noise of a cold start where none is stated
 GENEROUS = (Sea(0.9, 0.45, 0.03), Vibration(6.0, 1e-3))  # The ship's motion that a cold start allows for
 CAPTURE = 0.02  # of gravity, from the reference
+MGAL = 1e-5  # m s-2
+CLOSE, MOST_APART = 10.0, 10.0  # in log-likelihood, of two that explain the readings; mGal by which they may disagree
+SURELY = 5.0  # sigmas of the period that a film shows
 HOPELESS = 1000.0  # in log-likelihood, of a law in a cold start
 AGAIN = 3  # times at most that outliers are sought
 ROUGH_KICK, KICK = 1e-5, 3e-6  # rad s-1/2, of pendulums that are followed at first
@@ -43,7 +47,12 @@ def cold_starts(gathered: Gathered, *, sine: bool) -> list[Fitted]:
     assumed = Assumed(ship, np.zeros(problem.pendulums), noise, sine, gathered.heave_noise)
     rough = _cold_start(problem, assumed, _first_constants(gathered))
     others = _mirrored(rough)
-    return [_again(rough), *others] if others else [rough]
+    if not others:
+        return [rough]
+    found, (period, sigma) = [_again(rough), *others], gathered.shown
+    off = [abs(_period(each) - period) for each in found]
+    # which of the two it is, a film shows between its marks
+    return [found[int(np.argmin(off))]] if abs(off[0] - off[1]) > SURELY * sigma else found
 
 
 def first_fits(gathered: Gathered) -> list[Fitted]:
@@ -51,14 +60,14 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     where none follows the readings. Only where the ship's motion by its spectrum holds for no law, readings are left
     out, pendulums knocked, and all parameters of the ship sought. A law far behind from the cold start on is given up
     where the other leaves nothing but noise."""
-    stated = gathered.constants["restoring"]
+    stated, reference = gathered.constants["restoring"], float(gathered.constants["reference_gravity"])
     laws = [stated != "linear"] if stated else [True, False]
     rough = [cold_starts(gathered, sine=sine) for sine in laws]
     ahead = [max(map(of_the_law, own)) for own in rough]
     fits: list[Fitted | None] = [None for _ in laws]
     for attempt in (_plain, _robust):
         for k in sorted(range(len(laws)), key=lambda k: -ahead[k]):
-            fits[k] = fit = fits[k] or _likeliest(attempt(gathered, each) for each in rough[k])
+            fits[k] = fit = fits[k] or _one_of([attempt(gathered, each) for each in rough[k]], reference)
             hopeless = ahead[k] - min(ahead) > HOPELESS and not gathered.film
             if hopeless and fit is not None and motion.is_white(fit, fit.model.problem.differences):
                 return [motion.polished(_with_difference(fit))]
@@ -68,6 +77,25 @@ def first_fits(gathered: Gathered) -> list[Fitted]:
     if not found:
         raise np.linalg.LinAlgError("neither level nor heaving motion of the ship can be followed")
     return sorted(found, key=of_the_law, reverse=True)
+
+
+def _period(fit: Fitted) -> float:
+    """The swing's period, s, that a fit makes of the readings."""
+    gravity = next(each.value for each in fit.model.constants if each.kind == kinds.GRAVITY)
+    return float(2.0 * np.pi / np.sqrt(fit.model.problem.kappa.mean() * gravity))
+
+
+def _one_of(fits: list[Fitted | None], reference: float) -> Fitted | None:
+    """The likelier of two that see the same readings as another swing; RefusedError where they are as likely."""
+    there = sorted((fit for fit in fits if fit is not None), key=lambda fit: -fit.standing)
+    if len(there) > 1 and there[0].standing - there[1].standing < CLOSE:
+        apart = abs(there[0].gravity[0] - there[1].gravity[0]) * reference / MGAL
+        if apart > MOST_APART:
+            raise RefusedError(
+                f"time: readings at these times show a swing of {_period(there[0]):.6f} s and one of "
+                f"{_period(there[1]):.6f} s alike, their gravities lie {apart:.0f} mGal apart; give readings between"
+            )
+    return there[0] if there else None
 
 
 def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:

@@ -374,3 +374,26 @@ def test_strong_motion_without_reading_noise_is_real_pendulums(recorded: bool) -
     assert found["choice_reason"].startswith("restoring = sine")
     assert abs(found["gravity_m_s2"] - gravity) / 1e-5 < 4.0 * found["gravity_sigma_mgal"] + 1e-3
     assert found["gravity_sigma_mgal"] < (0.01 if recorded else 1.0)
+
+
+@pytest.mark.parametrize("shown", [None, 1.00048, 0.99952])
+def test_a_swing_that_marks_show_as_well_as_another_is_told_by_the_film_between_them(shown: float | None) -> None:
+    """Two marks a swing of 1.00048 s: one of .99952 s passes them at the same places, the other way round."""
+    start = {"kind": "free", "amplitude": 0.005, "phase": 0.4}
+    pendulums = [
+        {"label": label, "period": 1.0006, "damping_rate": 1e-4, "start": start | {"phase": phase}}
+        for label, phase in (("1", 0.4), ("2", 2.2))
+    ]
+    still = {"motion": [], "recording": {"sampling_rate": 2, "vertical_acceleration": False, "noise": 2e-5}}
+    made, _ = record(pendulums=pendulums, duration=200.0, **still)
+    if shown is None:
+        with pytest.raises(RefusedError, match=r"show a swing of .* alike, their gravities lie 1\d{3} mGal apart"):
+            row(made)
+        return
+    film = xr.Dataset(attrs={"swing_period": shown, "swing_period_uncertainty": 1e-5})
+    made["film"] = xr.DataTree(film)
+    found = gather(made)
+    period = 2.0 * np.pi / np.sqrt(found.problem.kappa.mean())
+    (only,) = cold_starts(found, sine=True)
+    told = next(each.value for each in only.model.constants if each.name == "gravity")
+    assert period / np.sqrt(told) == pytest.approx(shown, abs=1e-4)

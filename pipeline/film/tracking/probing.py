@@ -31,7 +31,8 @@ from synth.kernels.compiled import kernel
 FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where nothing is found
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
 MORE_PLACES = (0.4, 0.6, 0.22, 0.78, 0.09, 0.91, 0.35, 0.65, 0.45, 0.55)  # where none of the others shows all traces
-ENOUGH = 3  # sections with traces
+ENOUGH, ENOUGH_ROWS = 3, 60  # sections with traces; and rows of one, of turning points as of steep strokes
+FLAT = 0.4  # of the steepest slope, below which a trace turns
 REFINEMENTS, ANEW = 8, 2  # at most; and those in which traces are found anew, as a first guess may miss one
 ROUGH = 1e-3  # growth of the variance with darkness, below which grain is finer than what is known of lines
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half; of short sections, more
@@ -97,7 +98,8 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
         read: list[Section] = []
         for first, stop in sections(scan.rows, height):
             whole = _whole(read, count)
-            if len(whole) == ENOUGH or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
+            shown = len(whole) >= ENOUGH and max(map(_worth, whole)) > ENOUGH_ROWS**2
+            if shown or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
             piece = shown_darkness(emulsion, scan, first, stop, np.nan)
             guess = emulsion if known else first_optics(piece, float(np.sqrt(emulsion.grain[0])))
@@ -109,8 +111,7 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
         if height >= min(scan.rows, TALLEST):
             return None
         height *= 2
-    likeliest = max(_whole(read, count) or read, key=lambda each: _open_rows(each, each.optics.spot)[0].size)
-    section = refine(likeliest, fixed=known)
+    section = refine(max(_whole(read, count) or read, key=_worth), fixed=known)
     for first, stop in tried if count is None else sections(scan.rows, height):
         if first == section.first or len(section.swings) == count:
             continue
@@ -124,6 +125,15 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
 def _whole(read: list[Section], count: int | None) -> list[Section]:
     """The sections that show as many traces as there are: where one is missing, two may have been taken for one."""
     return [each for each in read if count is None or len(each.swings) == count]
+
+
+def _worth(section: Section) -> int:
+    """What a section tells of the curve: its open rows where traces turn, times those of steep strokes; where marks
+    fall on all turning points, nothing of what is dark."""
+    rows, traces, *_ = _open_rows(section, section.optics.spot)
+    slope = np.abs(place_and_rate(section.states)[1])
+    flat = slope[rows, traces] < FLAT * slope.max(axis=0)[traces]
+    return (1 + int(np.count_nonzero(flat))) * (1 + int(np.count_nonzero(~flat)))
 
 
 def refine(section: Section, fixed: bool) -> Section:

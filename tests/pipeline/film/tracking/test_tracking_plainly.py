@@ -16,6 +16,7 @@ from data_schemas.variables_record import ELONGATION_FLAGS
 from pipeline.film.emulsion import Optics, ToneCurve, plain_emulsion, shown_darkness
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing
+from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.outcome import fitted_gaps
 from pipeline.film.tracking.pieces import Section
 from pipeline.film.tracking.probing import SURE, sections
@@ -192,9 +193,24 @@ def test_sections_lie_on_the_film_and_apart(rows: int) -> None:
     assert all(b - a >= 150 for a, b in pairwise(firsts))
 
 
-@pytest.mark.parametrize(("count", "looks", "swings"), [(None, 3, 1), (2, 9, 2)])
-def test_sections_are_looked_at_until_one_shows_all_traces(
-    short: Tiny, section: Section, monkeypatch: pytest.MonkeyPatch, count: int | None, looks: int, swings: int
+def test_a_section_whose_turning_points_lie_in_gaps_is_worth_little(section: Section) -> None:
+    slope = np.abs(place_and_rate(section.states)[1].T)
+    hidden = slope < 0.5 * slope.max(axis=1)[:, None]
+    gapped = replace(section, place=np.where(hidden, np.nan, section.place))
+    assert probing._worth(gapped) < 0.1 * probing._worth(section)
+
+
+@pytest.mark.parametrize(
+    ("count", "worth", "looks", "swings"), [(None, 10_000, 3, 1), (None, 100, 7, 1), (2, 10_000, 9, 2)]
+)
+def test_sections_are_looked_at_until_one_shows_all_traces_and_their_turning_points(
+    short: Tiny,
+    section: Section,
+    monkeypatch: pytest.MonkeyPatch,
+    count: int | None,
+    worth: int,
+    looks: int,
+    swings: int,
 ) -> None:
     """Of two traces that lie on each other nearly everywhere, one wrong one is found nearly everywhere."""
     alone = replace(section, swings=section.swings[:1])
@@ -205,6 +221,7 @@ def test_sections_are_looked_at_until_one_shows_all_traces(
         return section if len(looked) == 9 else alone
 
     monkeypatch.setattr(probing, "_read_askew", read)
+    monkeypatch.setattr(probing, "_worth", lambda _section: worth)
     monkeypatch.setattr(probing, "refine", lambda section, fixed: section)
     monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
     monkeypatch.setattr(probing, "shown_darkness", lambda *_: section.darkness)

@@ -98,7 +98,7 @@ def probe(scan: OpenScan, emulsion: FilmEmulsion, count: int | None = None) -> S
         read: list[Section] = []
         for first, stop in sections(scan.rows, height):
             whole = _whole(read, count)
-            shown = len(whole) >= ENOUGH and max(map(_worth, whole)) > ENOUGH_ROWS**2
+            shown = len(whole) >= ENOUGH and max(map(_worth, whole))[1] > ENOUGH_ROWS**2
             if shown or (len(tried) >= len(PLACES) and (whole or count is None or not read)):
                 break
             piece = shown_darkness(emulsion, scan, first, stop, np.nan)
@@ -127,13 +127,13 @@ def _whole(read: list[Section], count: int | None) -> list[Section]:
     return [each for each in read if count is None or len(each.swings) == count]
 
 
-def _worth(section: Section) -> int:
-    """What a section tells of the curve: its open rows where traces turn, times those of steep strokes; where marks
-    fall on all turning points, nothing of what is dark."""
+def _worth(section: Section) -> tuple[int, int]:
+    """What a section tells of the curve: whether its open rows suffice, and those where traces turn, times those of
+    steep strokes; where marks fall on all turning points, nothing of what is dark."""
     rows, traces, *_ = _open_rows(section, section.optics.spot)
     slope = np.abs(place_and_rate(section.states)[1])
     flat = slope[rows, traces] < FLAT * slope.max(axis=0)[traces]
-    return (1 + int(np.count_nonzero(flat))) * (1 + int(np.count_nonzero(~flat)))
+    return min(rows.size, LEAST_ROWS), (1 + int(np.count_nonzero(flat))) * (1 + int(np.count_nonzero(~flat)))
 
 
 def refine(section: Section, fixed: bool) -> Section:

@@ -197,7 +197,7 @@ def test_a_section_whose_turning_points_lie_in_gaps_is_worth_little(section: Sec
     slope = np.abs(place_and_rate(section.states)[1].T)
     hidden = slope < 0.5 * slope.max(axis=1)[:, None]
     gapped = replace(section, place=np.where(hidden, np.nan, section.place))
-    assert probing._worth(gapped) < 0.1 * probing._worth(section)
+    assert probing._worth(gapped)[1] < 0.1 * probing._worth(section)[1]
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_sections_are_looked_at_until_one_shows_all_traces_and_their_turning_poi
         return section if len(looked) == 9 else alone
 
     monkeypatch.setattr(probing, "_read_askew", read)
-    monkeypatch.setattr(probing, "_worth", lambda _section: worth)
+    monkeypatch.setattr(probing, "_worth", lambda _section: (40, worth))
     monkeypatch.setattr(probing, "refine", lambda section, fixed: section)
     monkeypatch.setattr(probing, "read_section", lambda *_args, **_options: None)
     monkeypatch.setattr(probing, "shown_darkness", lambda *_: section.darkness)

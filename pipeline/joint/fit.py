@@ -114,11 +114,15 @@ def reduce(gathered: Gathered) -> Outcome:
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
-    if spread > MOST_SPREAD or sigma * spread > MOST_SIGMA:
+    if spread > MOST_SPREAD:
         raise RefusedError(
-            f"elongation: no explanation follows the readings (errors {spread:.1f} times their noise, sigma of gravity "
-            f"{sigma * spread:.1g} of it); "
-            "check instrument/period, record/combination and the unit of the elongations (rad)"
+            f"elongation: no explanation follows the readings, whose errors are {spread:.0f} times their noise; check "
+            "instrument/period, record/combination and the unit of the elongations (rad)"
+        )
+    if sigma * spread > MOST_SIGMA:
+        raise RefusedError(
+            f"elongation: all that explains the readings leaves gravity open by {sigma * spread:.1g} of it (1 sigma); "
+            "give a longer record with fewer gaps, or check instrument/period, record/combination and the unit (rad)"
         )
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
     kicks = float(fit.model.assumed.kick.max())

@@ -122,7 +122,8 @@ def reduce(gathered: Gathered) -> Outcome:
     if sigma * spread > MOST_SIGMA:
         raise RefusedError(
             f"elongation: all that explains the readings leaves gravity open by {sigma * spread:.1g} of it (1 sigma); "
-            "give a longer record with fewer gaps, or check instrument/period, record/combination and the unit (rad)"
+            "give a longer record with fewer gaps, or check instrument/period, record/combination and the unit of the "
+            "elongations (rad)"
         )
     arc = float(np.sqrt(2.0) * np.std(fit.path[:, : 2 * fit.model.problem.pendulums : 2], axis=0).min())
     kicks = float(fit.model.assumed.kick.max())

@@ -58,9 +58,13 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
 
 def checked(tree: xr.DataTree, schema: Kind) -> Contents:
     """The content of a good tree; `RecordError` with every fault of another."""
-    if found := check(tree, schema):
+    try:
+        contents = from_tree(tree)
+    except FileError as error:
+        raise RecordError(str(error)) from None
+    if found := faults(contents, schema):
         raise RecordError("; ".join(found))
-    return from_tree(tree)
+    return contents
 
 
 def validate(path: str | os.PathLike[str]) -> list[str]:

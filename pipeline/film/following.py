@@ -122,6 +122,8 @@ class FilmTraces:
 
         shown = np.concatenate(over_pieces(scan, self.emulsion, light, jobs), axis=2)
         stood = bars(shown, own, tracks, self.emulsion)
+        if kind != "edge":  # marks that were made while the paper stood lie on the bar, and hide its light
+            stood = [found and [each._replace(saturated=True) for each in found] for found in stood]
         for row in sorted(each.row for found in stood for each in found or ()):
             tracks.named_over(row)
         return axis_of(GapSearch(fitted(lines), stood, 1.0, lines), tracks, marking, self.placed.marks)

@@ -135,12 +135,12 @@ class Known:
         )
 
     def instrument(
-        self, pendulums: Sequence[Any], time: Floats, clock: float | None, scale: float | None, *, needed: bool
+        self, pendulums: Sequence[Any], time: Floats, found: Mapping[str, float | None], *, needed: bool
     ) -> "xr.Dataset | None":
         """The group /instrument of a record; None where nothing is known of it nor needed.
 
-        `time` (samples,) is the record's, s; `clock`, s a day, the time axis's own error, in which the samples' has no
-        part; `scale` that of all elongations, relative. `UsageError`: `needed` for gravity, and no periods are known.
+        `time` (samples,) is the record's, s; `found`: 1 sigma that the reading adds to constants, None where to none.
+        `UsageError`: `needed` for gravity, and no periods are known.
         """
         known, labels = self.description, [str(each.label) for each in pendulums]
         values = {key: value for key, value in known.instrument.model_dump().items() if value is not None}
@@ -168,12 +168,11 @@ class Known:
                     values[name] = np.array(each_one, dtype=np.float64)
         if not values:
             return None
-        if clock is not None:
+        for name, sigma in found.items():
+            if sigma is not None:
+                values[name] = np.hypot(values.get(name, 0.0), sigma)
+        if "chronometer_rate_uncertainty" in values:
             values.setdefault("chronometer_rate", 0.0)
-            stated_sigma = values.get("chronometer_rate_uncertainty", 0.0)
-            values["chronometer_rate_uncertainty"] = float(np.hypot(stated_sigma, clock))
-        if scale is not None:
-            values["scale_uncertainty"] = scale
         instrument = dataset("instrument", values, names)
         if self.states("restoring"):
             instrument.attrs["restoring"] = known.restoring

@@ -21,6 +21,7 @@ from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
 
 BLOCK_SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing
 FEWEST_READINGS = 24  # readings in a block: four a term
+REACH = 0.75  # rows from the nearest reading to a sample that has readings on one side alone
 RIDGE = 1e-9  # of the diagonal, for blocks of which only one end was read
 LOST = np.uint16(ELONGATION_FLAGS["lost"])
 BLOCK, CLUSTER = 30.0, 2.0  # s; the latter four marks, two swings
@@ -75,6 +76,10 @@ def _fill(tracks: Tracks, axis: TimeAxis, trace: int, first: int, rate: float, o
         mean = np.bincount(at, weight * (departure - np.sum(read * swing[block[at]], axis=1)), count) / weights
         smooth = np.sum(terms(out.time, block) * swing[block], axis=1)
         column = course_at(tracks, axis, trace, seconds, out.time) + smooth + mean
+        between = np.full((2, count), np.inf)  # what lies before its first row or behind its last is no reading
+        for each, sign in zip(between, (1.0, -1.0), strict=True):
+            np.minimum.at(each, at, sign * (seconds[rows] - out.time[at]))
+        column[np.maximum(between[0], between[1]) > REACH * period / tracks.rows_per_swing] = np.nan
         out.column[trace], out.sigma[trace] = column, np.where(np.isfinite(column), weights**-0.5, np.nan)
     # a sample carries the flags of its accepted rows; one without any those of all its rows, or lost
     flags = np.zeros((2, count), dtype=np.uint16)

@@ -118,10 +118,13 @@ def faults_found(solution: Solution) -> list[str]:
     of_readings = range(kinds.ZERO, kinds.READ_HEAVE_DELAY + 1)
     shown = (kinds.RATIO, kinds.SWAY, kinds.HEAVE_SCALE, kinds.HEAVE_DELAY, *of_readings)
     deviations = np.sqrt(np.diag(solution.covariance))
+    bias = {each for each in solution.constants if each.name.startswith("bias")}  # that none states is no fault
+    units = {each: "of gravity" if each in bias else UNITS.get(each.kind, "") for each in solution.constants}
     return [
-        f"{each.name}: {each.value:.3g} +- {sigma:.1g} {UNITS.get(each.kind, '')}".rstrip()
+        f"{each.name}: {each.value:.3g} +- {sigma:.1g} {units[each]}".rstrip()
         for each, sigma in zip(solution.constants, deviations, strict=True)
         if each.kind in shown
         and not is_mode(each)
+        and (each.stated or each not in bias)
         and abs(each.value - each.mean) > max(CERTAIN * sigma, HARMLESS.get(each.kind, 0.0))
     ]

@@ -28,6 +28,7 @@ NOISY = 1e-7  # of gravity, 1 sigma by the noise of a recorded heave, above whic
 ACCELEROMETER = 3e-5  # over reference gravity: noise of an acceleration that is a reading, where it does not show
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
+TAPER, SHOWN = 240.0, 1e-3  # s, of one that shows how a bias drifts; share of it that gaps may hide
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 MOST_STEPS = 30  # of a film's paper
@@ -98,7 +99,8 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         rows.append(np.asarray(stored["horizontal_acceleration"].values, dtype=np.float64)[None, used] / gravity)
     if heave is not None:
         heave = heave[used] / gravity
-        there = np.flatnonzero(np.isfinite(heave))
+        there, drift = np.flatnonzero(np.isfinite(heave)), _drift(time, heave)
+        heave = heave - drift
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
         dense = dense and there[0] <= ENDS and there[-1] >= time.size - 1 - ENDS
@@ -118,8 +120,9 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
 
         since, value = time[there] - lattice.start, heave[there]
         even = np.arange(since[0], since[-1], np.diff(since).min())
-        bias, doubt = _bias(CubicSpline(since, value)(even), white / np.sqrt(even[1] - even[0]))
-        spline = CubicSpline(since, value - bias)
+        _, doubt = _bias(CubicSpline(since, value + drift[there])(even), white / np.sqrt(even[1] - even[0]))
+        spline = CubicSpline(since, value)
+        spline = CubicSpline(since, value - _bias(spline(even), 0.0)[0])
     stated = np.full(series.shape[0], np.nan)
     if "elongation_uncertainty" in stored:
         given = np.asarray(stored["elongation_uncertainty"].values, dtype=np.float64)
@@ -235,6 +238,34 @@ def _bias(heave: Floats, noise: float) -> tuple[float, float]:
     beside = [np.abs(np.sum(weight * np.exp(2j * np.pi * turns * since) * heave)) for turns in BESIDE]
     square = float(np.mean(np.square(beside))) - ABOVE * noise**2 * float(weight @ weight)
     return float(weight @ heave), float(np.sqrt(max(square, 0.0)))
+
+
+def _drift(time: Floats, heave: Floats) -> Floats:
+    """How the bias of a recorded heave, (n,), NaN where missing, changes: what it has below the sea, by lines fitted
+    under tapers that let no sea pass, but for the mean; 0 where gaps leave no such taper."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    known = np.isfinite(heave)
+    at, value = time[known], heave[known]
+    if at.size < NEIGHBOURS:
+        return np.zeros(time.size)
+    spacing, half = np.gradient(at), 0.5 * min(TAPER, at[-1] - at[0])
+    lines = []
+    for middle in np.linspace(at[0] + half, at[-1] - half, 1 + int(4.0 * (at[-1] - at[0] - 2.0 * half) / TAPER)):
+        inside = np.abs(at - middle) <= half
+        x = (at[inside] - middle) / half
+        weight = np.i0(SHAPE * np.sqrt(1.0 - x**2)) * spacing[inside]
+        if weight[spacing[inside] > LONGEST_GAP].sum() < SHOWN * weight.sum():
+            terms = np.stack([np.ones(x.size), x])
+            lines.append((middle, *np.linalg.solve(terms * weight @ terms.T, terms * weight @ value[inside])))
+    if not lines:
+        return np.zeros(time.size)
+    middles, level, slope = np.array(lines).T
+    inside = np.clip(time, middles[0], middles[-1])
+    if middles.size > 1:
+        level = CubicHermiteSpline(middles, level, slope / half)(inside)
+    drift = level + (time - inside) * np.interp(inside, middles, slope / half)
+    return np.asarray(drift - drift[known].mean())
 
 
 def _white(time: Floats, heave: Floats) -> float:

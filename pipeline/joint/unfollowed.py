@@ -115,17 +115,21 @@ def change_in_gaps(fit: Fitted, gravity: Floats) -> tuple[float, float]:
 
 
 def gaps(fit: Fitted) -> Constants:
-    """What acts as gravity does in each long gap, where nothing shows it: 1 sigma is what motion does elsewhere."""
+    """What acts as gravity does in each long gap, where nothing shows it: 1 sigma is what motion does elsewhere, or on
+    either side of it, if that is more, as in a turn of the ship."""
     lattice, time = fit.model.problem.lattice, fit.model.problem.lattice.read
     if not fit.model.assumed.sine or lattice.longest_gap < LONG_GAP:
         return ()
     longest = np.argsort(-np.diff(time))[:MOST_GAPS]
-    size = SPREAD * float(np.abs(_changes(fit)).sum(axis=0)[lattice.apart < SHORTEST].mean())
-    return tuple(
-        Constant(f"{IN_GAP} at {begin:.0f} s", kinds.GRAVITY, size, centre=0.5 * (begin + end),
-                 width=(end - begin) / SPREAD, stated=True)
-        for begin, end in np.stack([time[longest], time[longest + 1]], axis=-1).tolist() if end - begin > LONG_GAP
-    )  # fmt: skip
+    changes, shown = np.abs(_changes(fit)).sum(axis=0), lattice.apart < SHORTEST
+    nodes, out = lattice.step * np.arange(lattice.nodes), list[Constant]()
+    for begin, end in np.stack([time[longest], time[longest + 1]], axis=-1).tolist():
+        if end - begin > LONG_GAP:
+            beside = [shown & (np.abs(nodes - edge) < INDEPENDENT) for edge in (begin, end)]
+            size = SPREAD * max(float(changes[each].mean()) for each in (shown, *beside) if each.any())
+            name, middle, width = f"{IN_GAP} at {begin:.0f} s", 0.5 * (begin + end), (end - begin) / SPREAD
+            out.append(Constant(name, kinds.GRAVITY, size, centre=middle, width=width, stated=True))
+    return tuple(out)
 
 
 def _changes(fit: Fitted) -> Floats:

@@ -33,7 +33,7 @@ VISIBLE = 0.3  # darkness expected in the middle of a gap, from which one is loo
 LEAST_LIGHT = 0.06  # of a line's nominal light, below which there is none
 MOST_MISFIT = 2.5
 DIM = 0.5  # of the line's light, at the ends of a gap
-STEEP = 2.0  # slope from which the spot does not lengthen a gap along the rows
+STEEP, HALF = 2.0, 0.5  # slope from which the spot does not lengthen a gap along the rows; of the steepest, at most
 BLACK, BRIGHT = 0.25, 0.75  # of the line's light, within and beside a gap from which the width is learned
 SHORTEST, LONGEST = 0.004, 0.15  # of a swing, how long the shutter may close
 SAMPLES, SAMPLE_ROWS = 8, 640  # pieces in which the width is learned
@@ -93,9 +93,13 @@ def fitted(
 
 def _steps(tracks: Tracks) -> int:
     """Places a row at which brightness is taken: 1.3 spots apart on the steeper strokes."""
+    return int(np.clip(np.ceil(_steepest(tracks) / (1.3 * tracks.spot)), 4, 40))
+
+
+def _steepest(tracks: Tracks) -> float:
+    """Slope of the steeper strokes."""
     lean = np.abs(tracks.slope[:, :: max(tracks.slope.shape[1] // 20000, 1)])
-    steep = float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
-    return int(np.clip(np.ceil(steep / (1.3 * tracks.spot)), 4, 40))
+    return float(np.nanpercentile(lean, 90)) if np.isfinite(lean).any() else 1.0
 
 
 @kernel
@@ -188,14 +192,14 @@ def _selected(gaps: Gaps, width: float) -> Gaps:
 
 def learned_width(scan: OpenScan, emulsion: Emulsion, tracks: Tracks, known: float | None = None) -> float:
     """Rows for which the shutter closes, by dark runs on steep strokes; with too few `known`, or `RefusedError`."""
-    length, steps = min(scan.rows, SAMPLE_ROWS), _steps(tracks)
+    length, steps, steep = min(scan.rows, SAMPLE_ROWS), _steps(tracks), min(STEEP, HALF * _steepest(tracks))
     runs: list[float] = []
     for begin in spread_over(scan.rows - length, SAMPLES):
         exposure = exposed(scan, emulsion, begin, begin + length)
         for trace in range(len(tracks.course)):
             light, _, rows = _relative_light(exposure, begin, begin, begin + length, tracks, trace, 1.0, steps)
             lean = np.abs(tracks.slope[trace][np.minimum(rows.astype(int), scan.rows - 1)])
-            runs.extend(_dark_runs(light, lean) * length / rows.size)
+            runs.extend(_dark_runs(light, lean, steep) * length / rows.size)
     inside = np.array([run for run in runs if SHORTEST < run / tracks.rows_per_swing < LONGEST])
     if inside.size < LEAST_RUNS:
         if known is not None:
@@ -215,8 +219,8 @@ def commonest(values: Floats, ratio: float) -> Floats:
     return values[start : start + within[start]]
 
 
-def _dark_runs(light: Floats, lean: Floats) -> Floats:
-    """Lengths, in samples, of whole runs of darkness on steep strokes; ends interpolated."""
+def _dark_runs(light: Floats, lean: Floats, steep: float) -> Floats:
+    """Lengths, in samples, of whole runs of darkness where a stroke leans as much as `steep`; ends interpolated."""
     dark = light < DIM
     edge = np.flatnonzero(dark[1:] != dark[:-1])
     cross = edge + (DIM - light[edge]) / (light[edge + 1] - light[edge])
@@ -224,7 +228,7 @@ def _dark_runs(light: Floats, lean: Floats) -> Floats:
     for which in np.flatnonzero(dark[edge + 1])[:-1]:
         low, high = edge[which] + 1, edge[which + 1] + 1
         beside = np.concatenate([light[max(low - (high - low), 0) : low], light[high : 2 * high - low]])
-        if lean[low:high].min() > STEEP and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
+        if lean[low:high].min() > steep and light[low:high].mean() < BLACK and beside.mean() > BRIGHT:
             lengths.append(cross[which + 1] - cross[which])
     return np.array(lengths)
 

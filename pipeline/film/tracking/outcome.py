@@ -20,7 +20,6 @@ from pipeline.film.marks.search import grain
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.motion import place_and_rate
 from pipeline.film.tracking.pieces import BOTH, Piece, combined
-from pipeline.film.tracking.probing import ROUGH
 from pipeline.film.tracking.row_reading import read_piece
 
 NOTHING = (
@@ -215,9 +214,10 @@ def flag_lost(position: Floats, course: Floats, qc: NDArray[np.uint16], period: 
     qc[lost] = ELONGATION_FLAGS["lost"]
 
 
-def checked(out: Tracks, misfit: NDArray[np.float32], growth: float = ROUGH) -> Tracks:
-    """The traces, if trusted by `misfit` (traces, rows); `RefusedError`: one is no line or hardly read, two are one."""
-    most = UNLIKE * max(1.0, ROUGH / growth)
+def checked(out: Tracks, misfit: NDArray[np.float32], unlike: float = 0.0) -> Tracks:
+    """The traces, if trusted by `misfit` (traces, rows), in units of grain's, or of `unlike`, where grain is finer than
+    a line's model; `RefusedError`: one is no line or hardly read, two are one."""
+    most = UNLIKE * max(1.0, unlike)
     for trace, each in enumerate(misfit):
         known = each[np.isfinite(each)]
         if known.size and (usual := float(np.quantile(known, 0.75))) > most:

@@ -35,6 +35,7 @@ ENOUGH, ENOUGH_ROWS = 3, 60  # sections with traces; and rows of one, of turning
 FLAT = 0.4  # of the steepest slope, below which a trace turns
 REFINEMENTS, ANEW = 8, 2  # at most; and those in which traces are found anew, as a first guess may miss one
 ROUGH = 1e-3  # growth of the variance with darkness, below which grain is finer than what is known of lines
+GUESSED = 0.01  # the same of the square of a first guess of the greatest darkness
 HIDDEN = 1.8  # of a wrong shear, readings made with it show about half; of short sections, more
 ALIKE, SETTLED_SHEAR = 0.005, 2e-5  # changes of the logarithms of spot and curve, and of the shear, that end them
 SURE = 0.6  # share of rows read, with the film's own optics, by which a trace is one
@@ -72,7 +73,9 @@ def measure_emulsion(scan: OpenScan) -> FilmEmulsion:
 def first_optics(darkness: NDArray[np.float32], sigma: float) -> Optics:
     """What a piece of film shows of spot and curve before any trace is known."""
     curve = ToneCurve(max(_darkest(darkness), 3.0 * sigma), 0.2, 1.5)
-    return Optics(spot_size(np.nan_to_num(darkness)), 0.0, curve, np.array([sigma**2, max(10.0 * sigma**2, ROUGH)]))
+    # fine grain would make an outlier of all that this curve is wrong by
+    growth = max(10.0 * sigma**2, ROUGH, GUESSED * curve.darkest**2)
+    return Optics(spot_size(np.nan_to_num(darkness)), 0.0, curve, np.array([sigma**2, growth]))
 
 
 def _darkest(darkness: NDArray[np.float32]) -> float:

@@ -37,6 +37,7 @@ LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyo
 AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
 WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
 MOST_TRACES = 6
+MODELLED = 0.005  # of the greatest darkness: variance that the model of a line may leave, over darkness
 Last = list[tuple[float, Floats]]  # Row and state at which each trace was read last
 
 
@@ -125,7 +126,8 @@ class Following:
 
     def checked(self) -> Tracks:
         """The traces, where they can be trusted; see `checked`."""
-        return checked(self.tracks, self.misfit, float(self.film.optics.grain[1]))
+        optics = self.film.optics
+        return checked(self.tracks, self.misfit, MODELLED * optics.curve.darkest / float(optics.grain[1]))
 
     @property
     def along(self) -> Film:

@@ -30,6 +30,7 @@ CLIPPED_SIGMA = 0.8796
 BLANK, BESIDE = 3.5, (5, 17)  # sigmas, within which a pixel is one of blank film; px that are left out about others
 CLUMPS, PLATEAU = 12, 8  # px over which grain may be alike; and over which background is
 FAINT = 0.02  # correlation of none
+BED = 0.3  # of darkness above the film's, from which a block lies beside it
 ROUNDS = 4
 TURNS, LEAST_PIXELS = 3, 64  # of what lies between marks and what marks are; of a block, that lie between marks
 UNMARKED = 1e-3  # darkness that marks across the film add at most, where film lies between them
@@ -81,7 +82,8 @@ class FilmEmulsion(Optics):
     @property
     def blackest(self) -> float:
         """Darkness above blank film from which a pixel can be no darker."""
-        return float(np.log10(self.full_scale / 0.75) - self.blank.darkness.max())
+        blank = self.blank.darkness
+        return float(np.log10(self.full_scale / 0.75) - blank.max(where=blank < np.median(blank) + BED, initial=0.0))
 
     def darkness(self, pixels: NDArray[Any], first: int, blind: float = 0.0) -> Floats32:
         """Darkness above blank film of rows from `first` on, (rows, columns), log10 units; `blind` on dark marks."""

@@ -39,6 +39,7 @@ STEPS = 8  # grey levels, of a scan that has few
 SQUARES, JPEG_SIDE = 1.25, 8  # step across the edges of JPEG's squares over that beside them; px
 PIECES, ROWS = 5, 256
 UNSTATED = (1.0, 72.0, 96.0)  # pixels per inch that programs write where they know nothing; no film is scanned so
+MOST_PART = 2.0  # usual departures, for which those of one place count at most
 SQUARE = 0.01  # largest relative difference of pixels' two sides
 PROFILES, PROFILE_ROWS = 17, 64  # along the film, in which its border is searched
 LEAST_STEP = 0.05  # of full scale: what counts as an edge
@@ -231,13 +232,17 @@ def _width(profile: NDArray[np.float64], limit: float) -> int:
 
 def lines_are_light(image: Image) -> bool | None:
     """Whether the most of what departs from the blank film is lighter than it; None: nothing departs."""
-    darker, lighter = 0.0, 0.0
-    height = min(SAMPLE_ROWS, image.rows)
+    height, away = min(SAMPLE_ROWS, image.rows), []
     for first in _spread(image.rows - height, SAMPLES):
         departure = _departures(image.read(first, first + height))
-        darker += float(-departure[departure < 0.0].sum())
-        lighter += float(departure[departure > 0.0].sum())
-    return lighter > darker if lighter or darker else None
+        away.append((-departure[departure < 0.0].sum(), departure[departure > 0.0].sum()))
+    size = np.sum(away, axis=1)
+    if not size.any():
+        return None
+    # what lies above and below a film departs more than any line
+    most = MOST_PART * float(np.median(size[size > 0.0]))
+    darker, lighter = np.array(away).T @ np.minimum(most / np.maximum(size, most), 1.0)
+    return bool(lighter > darker)
 
 
 def _departures(pixels: Pixels) -> NDArray[np.float32]:

@@ -27,7 +27,7 @@ NOTHING = (
     " running along time; check the orientation and polarity of the scan, or give period and traces"
 )
 LEAST_READ = 0.15  # of the rows, and of the share of the best trace
-UNLIKE = 4.0  # mean square residual, in units of the grain's, of more than a line
+UNLIKE = 8.0  # mean square residual, in units of the grain's, of more than a line
 LEAST_LACK, SIGNIFICANT = 0.12, 6.0  # of a row's light, and sigma of the light missing in all, from which it is a gap
 LATERAL, LENGTH_PRIOR = 0.1, 1.0  # px, 1 sigma of the course across the line; of the length
 MOST_SIGMA = 0.5  # rows, of a fit that is believed

@@ -37,7 +37,7 @@ LIT = 0.5  # of the usual light: what is fainter may be chance in the grain beyo
 AMPLITUDE, PLACE, PHASE, COMMON = 0.06, 0.5, 0.25, 1.5  # 1 sigma: of the amplitude (twice), radians
 WORST, AMBIGUOUS = 40.0, 9.0  # chi square a trace at most, and by which the second best must be worse
 MOST_TRACES = 6
-MODELLED = 0.005  # of the greatest darkness: variance that the model of a line may leave, over darkness
+MODELLED = 0.008  # of a resting line's darkness: variance that the model of a line may leave, over darkness
 Last = list[tuple[float, Floats]]  # Row and state at which each trace was read last
 
 
@@ -127,7 +127,7 @@ class Following:
     def checked(self) -> Tracks:
         """The traces, where they can be trusted; see `checked`."""
         optics = self.film.optics
-        return checked(self.tracks, self.misfit, MODELLED * optics.curve.darkest / float(optics.grain[1]))
+        return checked(self.tracks, self.misfit, MODELLED * float(optics.curve.darkness(1.0)) / float(optics.grain[1]))
 
     @property
     def along(self) -> Film:

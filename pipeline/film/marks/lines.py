@@ -17,7 +17,7 @@ from pipeline.film.marks.alignment import Gaps
 Light = Callable[[int, int], NDArray[np.float32]]  # of the rows between two, (rows, columns): darkness or exposure
 NONE = "film: no marks beside the traces were found; check that the film bears them, or state another mark_kind"
 GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ticks; fewest groups
-WIDE = 8  # groups that are looked at together at first
+WIDE = 8  # groups that are looked at together at first; of a narrow film half of all
 PLACES, ROWS = 7, 1024  # sections that are looked at first, and rows in each
 STANDS_OUT, FAINT_DARK, FAINT_BRIGHT = 8.0, 0.02, 0.01  # of a peak: sigmas, and darkness, of dark and of bright ones
 FEWEST = 3  # peaks in a section
@@ -84,13 +84,14 @@ class Lines(NamedTuple):
 def lines_across(darkness: Light, rows: int, columns: int) -> Lines | None:
     """Lines from edge to edge, None where there are none; only a few sections are read of a film without."""
     groups = np.arange(columns // GROUP * GROUP).reshape(-1, GROUP)
-    if len(groups) < 2 * WIDE:
+    wide = min(WIDE, len(groups) // 2)
+    if wide < LEAST:
         return None
 
     def show(first: int, stop: int) -> bool:
         each = medians(darkness, groups, first, stop)
-        noise = noise_of(each, WIDE)
-        signs = [shown(np.median(each[k : k + WIDE], axis=0), noise) for k in range(0, len(groups) - WIDE + 1, WIDE)]
+        noise = noise_of(each, wide)
+        signs = [shown(np.median(each[k : k + wide], axis=0), noise) for k in range(0, len(groups) - wide + 1, wide)]
         return max(signs.count(-1), signs.count(1)) > MOSTLY * len(signs)
 
     if np.mean([show(*piece) for piece in sections(rows)]) < MOSTLY:

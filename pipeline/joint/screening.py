@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from data_schemas.errors import RefusedError
-from pipeline.arrays import Floats
+from pipeline.arrays import Floats, median_present
 from pipeline.joint.lattice import WINDOW, folded
 
 LARGEST = 1.0  # rad, of the usual reading
@@ -21,6 +21,7 @@ HELD = 6.0  # s: a window in which all traces stand still
 STILL, SWINGLESS, LEAST = 0.01, 12.0, 10  # of the largest trace's variance; of white noise's power; readings
 EXACT = 1e-14  # of a mean square, to which a variance is known
 SWAYS, ALONE, HALF = 3.0, 10.0, 0.5  # of the doubt of its mean; of what a trace should share of another's slow motion
+WILD = 5.0  # times the usual doubt
 NOISIER, CALM = 20.0, 1e-6  # times than another no trace is, of which sparse readings take sway for doubt; rad
 
 
@@ -50,6 +51,8 @@ def refuse_exchanged_traces(
     if not levels[first]:
         return
     slow, doubt = _slow(time, series, frequency)
+    for own, each in zip(slow, doubt, strict=True):  # a window with wild readings shows no motion
+        own[each > WILD * median_present(each)] = np.nan
     for j, level in enumerate(levels):
         both = np.isfinite(slow[j]) & np.isfinite(slow[first])
         one, other = np.diff(slow[first, both]), np.diff(slow[j, both])  # a step of a zero is in one of them

@@ -29,6 +29,7 @@ ACCELEROMETER = 3e-5  # over reference gravity: noise of an acceleration that is
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
 TAPER, SHOWN = 240.0, 1e-3  # s, of one that shows how a bias drifts; share of it that gaps may hide
+CHANCE, HARMLESS = 30.0, 3e-6  # times a mean's noise over such a taper, and of gravity: least change of a bias
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
 MOST_STEPS = 30  # of a film's paper
@@ -99,7 +100,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         rows.append(np.asarray(stored["horizontal_acceleration"].values, dtype=np.float64)[None, used] / gravity)
     if heave is not None:
         heave = heave[used] / gravity
-        there, drift = np.flatnonzero(np.isfinite(heave)), _drift(time, heave)
+        there, (drift, bent) = np.flatnonzero(np.isfinite(heave)), _drift(time, heave)
         heave = heave - drift
         dense = bool(there.size > 8) and float(np.diff(time[there]).max()) < LONGEST_GAP
         dense = dense and float(np.median(np.diff(time[there]))) * DENSE < 2.5
@@ -114,13 +115,14 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     sine = known["restoring"] != "linear"
     angle = min(shared_angle(time, each, swing, arc, sine=sine) for each in series) if calm else FAST_ANGLE
     lattice = lay(time, np.concatenate(rows), combination, swing, angle=angle)
-    spline, doubt = None, 0.0
+    spline, doubt = None, 0.0 if heave is None else bent
     if heave is not None and dense:
         from scipy.interpolate import CubicSpline
 
         since, value = time[there] - lattice.start, heave[there]
         even = np.arange(since[0], since[-1], np.diff(since).min())
-        _, doubt = _bias(CubicSpline(since, value + drift[there])(even), white / np.sqrt(even[1] - even[0]))
+        _, slow = _bias(CubicSpline(since, value + drift[there])(even), white / np.sqrt(even[1] - even[0]))
+        doubt = float(np.hypot(doubt, slow))
         spline = CubicSpline(since, value)
         spline = CubicSpline(since, value - _bias(spline(even), 0.0)[0])
     stated = np.full(series.shape[0], np.nan)
@@ -240,32 +242,36 @@ def _bias(heave: Floats, noise: float) -> tuple[float, float]:
     return float(weight @ heave), float(np.sqrt(max(square, 0.0)))
 
 
-def _drift(time: Floats, heave: Floats) -> Floats:
-    """How the bias of a recorded heave, (n,), NaN where missing, changes: what it has below the sea, by lines fitted
-    under tapers that let no sea pass, but for the mean; 0 where gaps leave no such taper."""
+def _drift(time: Floats, heave: Floats) -> tuple[Floats, float]:
+    """How the bias of a recorded heave over reference gravity, (n,), NaN where missing, changes, and 1 sigma of its
+    mean: what it has below the sea, by parabolas under tapers that let no sea pass, but for the mean; on along a line
+    at the ends, where no taper fits. 0 where gaps leave no taper, and of what harms nothing or may be noise."""
     from scipy.interpolate import CubicHermiteSpline
 
-    known = np.isfinite(heave)
+    known, none = np.isfinite(heave), (np.zeros(time.size), 0.0)
     at, value = time[known], heave[known]
     if at.size < NEIGHBOURS:
-        return np.zeros(time.size)
-    spacing, half = np.gradient(at), 0.5 * min(TAPER, at[-1] - at[0])
-    lines = []
+        return none
+    spacing, half, lines = np.gradient(at), 0.5 * min(TAPER, at[-1] - at[0]), []
     for middle in np.linspace(at[0] + half, at[-1] - half, 1 + int(4.0 * (at[-1] - at[0] - 2.0 * half) / TAPER)):
         inside = np.abs(at - middle) <= half
         x = (at[inside] - middle) / half
         weight = np.i0(SHAPE * np.sqrt(1.0 - x**2)) * spacing[inside]
         if weight[spacing[inside] > LONGEST_GAP].sum() < SHOWN * weight.sum():
-            terms = np.stack([np.ones(x.size), x])
+            terms = np.stack([np.ones(x.size), x, x**2])
             lines.append((middle, *np.linalg.solve(terms * weight @ terms.T, terms * weight @ value[inside])))
     if not lines:
-        return np.zeros(time.size)
-    middles, level, slope = np.array(lines).T
+        return none
+    middles, level, slope, bend = np.array(lines).T
     inside = np.clip(time, middles[0], middles[-1])
     if middles.size > 1:
         level = CubicHermiteSpline(middles, level, slope / half)(inside)
-    drift = level + (time - inside) * np.interp(inside, middles, slope / half)
-    return np.asarray(drift - drift[known].mean())
+    beyond = (time - inside) / half
+    drift = level + beyond * np.interp(inside, middles, slope)
+    if np.ptp(drift) < max(CHANCE * _white(at, value) / np.sqrt(half), HARMLESS):
+        return none
+    doubt = float(np.abs(np.mean((beyond**2 * np.interp(inside, middles, bend))[known])))
+    return drift - drift[known].mean(), doubt
 
 
 def _white(time: Floats, heave: Floats) -> float:

@@ -48,7 +48,7 @@ SHARED = 1.5  # growth of the variance by other traces from which on a row is fl
 FLOOR = 0.006  # spots, of the normal: what model and calibration leave
 BESIDE, WHOLE, STEEP = 0.018, 0.995, 3.0  # the same beside a gap, more where the line turns, which hides its ends
 LOST_SWINGS = 0.3  # without a reading on either side
-MARGIN_SPOTS, WINGS = 16, 1.0  # of gaps, beyond a piece; of dark lines across
+MARGIN_SPOTS, WINGS = 16, 0.8  # of gaps, beyond a piece; of dark marks
 
 
 def read_both(
@@ -155,8 +155,8 @@ def judge(
     stretch = 1.0 + slope**2
     followed = known > 0
     whole = np.maximum(LEAST_LIGHT * lamp, PARTIAL * lamp - PARTIAL_SIGMA * np.sqrt(light_variance))
-    # beside what is hidden a gap is not seen whole, and a mark's wings lie on the line
-    hidden, margin = followed & np.isnan(light), round((WINGS if marked else MARGIN_SPOTS) * optics.spot)
+    # beside what is hidden a gap is not seen whole, and a dark mark's wings lie on the line
+    hidden, margin = followed & np.isnan(light), int((WINGS if marked else MARGIN_SPOTS) * optics.spot)
     followed = followed & ~ndimage.binary_dilation(hidden, np.ones(2 * margin + 1, bool))
     visible = followed & (light > VISIBLE * np.sqrt(light_variance)) & (light > whole)
     light_spread = _usual(light_variance, followed) / lamp**2

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.film.scan.files import ImageFile, in_memory
-from pipeline.film.scan.opening import border_of, without_border
+from pipeline.film.scan.opening import border_of, lines_are_light, without_border
 
 ROWS, COLUMNS = 1200, 400
 
@@ -56,3 +56,13 @@ def test_a_border_that_leaves_the_image_is_overlaid_as_far_as_it_goes():
 def test_film_without_border_is_left_alone(vignette):
     image = film(vignette=vignette)
     assert without_border(image) is image
+
+
+def test_what_lies_above_and_below_a_film_does_not_tell_whether_its_lines_are_light():
+    covered = without_border(film(left=35.0, right=50.0, seed=2))
+    grey = np.array(covered.read(0, ROWS))
+    grey[:70] = grey[-70:] = 250  # the scanner's bed
+    edge = np.arange(COLUMNS) < 200
+    grey[70:76, edge] = grey[-76:-70, edge] = 250  # oblique
+    assert lines_are_light(in_memory(grey, Path("a"))) is False
+    assert lines_are_light(in_memory(255 - grey, Path("a"))) is True

@@ -12,9 +12,9 @@ pytest.importorskip("tifffile")  # of the extra `film`
 
 from data_schemas.errors import RefusedError
 from data_schemas.film_description import load_description
-from pipeline.film.digitise import read
+from pipeline.film.digitise import make_record, read
 from pipeline.film.knowledge import FilmOptions
-from pipeline.film.marks.lines import Lines, fitted, noise_of, shown
+from pipeline.film.marks.lines import Lines, fitted, lines_across, noise_of, shown
 from pipeline.film.normal_points import row_times
 from tests.films import make, plain
 from tests.films.kinds import Case
@@ -43,7 +43,9 @@ def late(reading, truth, trace: int) -> np.ndarray:
 @pytest.mark.parametrize("style", BESIDE)
 def test_time_by_marks_beside_traces_is_true(style: str, tmp_path: Path) -> None:
     image, truth = expose(tmp_path, style=style, **BESIDE[style])
-    found, _ = read(image)
+    found, known = read(image)
+    stated = make_record(found, known, "night")["instrument"].dataset  # how far the lamps lie apart, marks do not tell
+    assert float(stated["delay_uncertainty"]) == pytest.approx(0.3 / (found.axis.rows_per_second * found.scale))
     assert found.axis.kind == style.replace(" ", "-")
     assert "marks-beside-traces" in found.axis.flags
     for trace in range(2):
@@ -121,3 +123,14 @@ def test_noise_of_groups_leaves_shared_marks_out() -> None:
     each = marks + 0.05 * rng.standard_normal((16, 1000))
     assert noise_of(each, 1) == pytest.approx(0.05 * np.sqrt(np.pi / 2), rel=0.1)
     assert (shown(each[0], 0.05), shown(-each[0], 0.05), shown(each[0] - marks, 0.05)) == (1, -1, 0)
+
+
+@pytest.mark.parametrize("columns", [300, 400, 700])
+def test_lines_across_narrow_films_are_found(columns: int) -> None:
+    rows, draw = np.arange(3000), np.random.default_rng(5)
+    line = np.exp(-0.5 * ((rows % 30 - 12.3) / 1.2) ** 2)
+    film = (0.3 * line[:, None] + 0.01 * draw.standard_normal((3000, columns))).astype(np.float32)
+    found = lines_across(lambda first, stop: film[first:stop], 3000, columns)
+    assert found is not None
+    assert found.kind == "dark-lines"
+    assert len(found.marks()[0]) == 100

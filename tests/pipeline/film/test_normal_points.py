@@ -182,3 +182,20 @@ def test_a_trace_that_was_never_followed_has_no_course():
     tracks, axis = film(20.0)
     tracks.course[1] = np.nan
     assert np.isnan(course_at(tracks, axis, 1, row_times(tracks, axis, 1), np.arange(3.0))).all()
+
+
+def test_there_is_no_sample_where_readings_lie_on_one_side_alone():
+    tracks, axis = film(40.0, course_error=1e-3)
+    rate, rows = 12.5, np.arange(tracks.course.shape[1])
+    hidden = np.abs((rows + 0.5) / ROWS_PER_SECOND % 0.5 - 0.25) < 0.06  # about every second sample
+    position = np.where(hidden, np.nan, tracks.position)
+    samples = normal_points(dataclasses.replace(tracks, position=position), axis, rate)
+    seconds = (rows[~hidden] + 0.5) / ROWS_PER_SECOND
+    after = np.searchsorted(seconds, samples.time)
+    apart = seconds[np.clip(after, 1, seconds.size - 1)] - seconds[np.clip(after, 1, seconds.size - 1) - 1]
+    amid = apart > 2.0 / ROWS_PER_SECOND  # among hidden rows
+    read = np.isfinite(samples.column[0])
+    assert amid.mean() > 0.1
+    near = np.min(np.abs(samples.time[:, None] - seconds), axis=1) < 0.76 / ROWS_PER_SECOND
+    assert not np.any(read & amid & ~near)
+    assert np.mean(read[~amid]) > 0.95

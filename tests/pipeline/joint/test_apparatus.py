@@ -16,7 +16,7 @@ from data_schemas.errors import RecordError, RefusedError
 from pipeline.benchmarks.kinds import Case, case_of
 from pipeline.benchmarks.records import of_case
 from pipeline.joint.fit import reduce
-from pipeline.joint.gather import _bias, _white, gather
+from pipeline.joint.gather import _bias, _drift, _white, gather
 
 pytestmark = pytest.mark.compiled
 
@@ -327,3 +327,33 @@ def test_bias_of_a_recorded_heave_is_not_doubted_for_its_noise() -> None:
 def test_a_record_without_readings_is_refused_in_one_line() -> None:
     with pytest.raises(RecordError, match="no trace has a reading"):
         gather(changed(record()[0], "elongation", lambda time, value: np.full_like(value, np.nan)))
+
+
+@pytest.mark.parametrize(("every", "error"), [(np.inf, 3e-5), (200.0, 3e-4), (50.0, 0.0)])
+def test_bias_of_the_heave_is_followed_below_the_sea(every: float, error: float) -> None:
+    time = np.arange(0.0, 1800.0, 0.25)
+    bias = 0.003 * (time / 1800.0) ** 2 - 0.002 * np.exp(-time / 600.0)
+    heave = bias + 0.02 * np.cos(0.5 * time) + 0.01 * np.cos(0.83 * time + 1.0)
+    heave[(time + 3.0) % every < 6.0] = np.nan
+    found, _ = _drift(time, heave)
+    if error:
+        known = np.isfinite(heave)
+        assert found - found[known].mean() == pytest.approx(bias - bias[known].mean(), abs=error)
+    else:  # gaps leave no taper
+        assert not found.any()
+
+
+@pytest.mark.parametrize("rate", [4.0, 25.0])
+def test_an_accelerometers_bias_that_drifts_is_no_gravity(rate: float) -> None:
+    case = Case(duration=900.0, rate=rate, noise=1e-5, swell=(0.01, 0.01), states_heave=True)
+    made = of_case(case, np.random.default_rng(7), "drift")
+    drawn = np.random.default_rng(8).standard_normal
+
+    def drifting(heave: np.ndarray) -> np.ndarray:
+        since = np.linspace(0.0, 1.0, heave.size)
+        return heave + 0.03 + 0.006 * since**2 + 1e-4 * drawn(heave.size)
+
+    found = row(told(made.tree, "record", "vertical_acceleration", drifting))
+    assert abs(in_sigmas(found, made.gravity)) < 3.5
+    assert found["gravity_sigma_mgal"] < 1.5
+    assert "bias" not in found["choice_reason"]

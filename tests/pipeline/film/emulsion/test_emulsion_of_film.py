@@ -172,3 +172,13 @@ def test_most_of_a_strong_blur_is_taken_out():
     emulsion = measure_emulsion(Sheet(np.rint(gaussian_filter(pixels.astype(float), 0.6)).astype(pixels.dtype)))
     assert emulsion.blur == pytest.approx(0.176, rel=0.15)
     assert emulsion.spot == pytest.approx(SPOT, rel=0.03)  # the scan shows one that is wider by 12 %
+
+
+def test_a_bed_beside_the_film_does_not_make_it_black():
+    darkness = np.full((3, 8), 0.2)
+    blank = Blank(np.arange(3.0), np.arange(8.0), darkness, 0.01)
+    film = FilmEmulsion(1.0, 0.0, UNTOLD, np.array([1e-4, 1e-3]), 255, blank)
+    darkness_of_bed = darkness.copy()
+    darkness_of_bed[:, 0] = 1.6
+    beside = replace(film, blank=blank._replace(darkness=darkness_of_bed))
+    assert beside.blackest == film.blackest == pytest.approx(np.log10(255 / 0.75) - 0.2)

@@ -168,8 +168,7 @@ def simplified(fit: Fitted) -> Fitted:
     for each in fit.model.constants:
         sought = each.kind in (kinds.STEP, kinds.CLOCK) and not is_mode(each)  # a step at a time that none states
         sought = sought and each.centre not in fit.model.problem.paper_steps
-        of_trace = each.index < fit.model.problem.traces  # what an accelerometer reads at rest, nobody knows
-        if sought or (each.kind in LEAN and not each.stated and (of_trace or each.kind != kinds.ZERO)):
+        if sought or (each.kind in LEAN and not each.stated):
             lean = max(lean, lean.without(each), key=lambda one: one.solution.log_likelihood)
     kept = {each.name for each in lean.model.constants}
     zeros = [each.value for each in fit.model.constants if each.kind == kinds.ZERO and each.name not in kept]

@@ -28,7 +28,8 @@ NOISY = 1e-7  # of gravity, 1 sigma by the noise of a recorded heave, above whic
 ACCELEROMETER = 3e-5  # over reference gravity: noise of an acceleration that is a reading, where it does not show
 MOSTLY = 0.9  # of the samples: so many tell how the case tilts
 SHAPE, BESIDE = 20.0, (7.0, 8.0, 9.0, 10.0, 11.0)  # of a taper that lets 1e-7 pass; turns in the record
-TAPER, SHOWN = 240.0, 1e-3  # s, of one that shows how a bias drifts; share of it that gaps may hide
+TAPER, SHOWN = 240.0, 1e-7  # s, of one that shows how a bias drifts; share of it that lies beside gaps
+UNEVEN, APART = 1.5, 3.0  # of the usual step, one that is a gap; halves of a taper, from one that is whole to another
 CHANCE, HARMLESS = 30.0, 3e-6  # times a mean's noise over such a taper, and of gravity: least change of a bias
 COARSEST = 0.3  # of the swing's root mean square, a step to which readings are rounded
 LEAST_TIDE = 3e-8  # of gravity, of its change over the record: weights differ from a mean's by a tenth
@@ -253,16 +254,19 @@ def _drift(time: Floats, heave: Floats) -> tuple[Floats, float]:
     if at.size < NEIGHBOURS:
         return none
     spacing, half, lines = np.gradient(at), 0.5 * min(TAPER, at[-1] - at[0]), []
+    steps = np.diff(at)
+    wide = steps > UNEVEN * np.median(steps)
+    beside = np.append(wide, False) | np.append(False, wide)
     for middle in np.linspace(at[0] + half, at[-1] - half, 1 + int(4.0 * (at[-1] - at[0] - 2.0 * half) / TAPER)):
         inside = np.abs(at - middle) <= half
         x = (at[inside] - middle) / half
         weight = np.i0(SHAPE * np.sqrt(1.0 - x**2)) * spacing[inside]
-        if weight[spacing[inside] > LONGEST_GAP].sum() < SHOWN * weight.sum():
+        if weight[beside[inside]].sum() < SHOWN * weight.sum():
             terms = np.stack([np.ones(x.size), x, x**2])
             lines.append((middle, *np.linalg.solve(terms * weight @ terms.T, terms * weight @ value[inside])))
-    if not lines:
+    middles, level, slope, bend = np.array(lines).reshape(-1, 4).T
+    if np.diff(middles, prepend=at[0] - half, append=at[-1] + half).max() > APART * half:
         return none
-    middles, level, slope, bend = np.array(lines).T
     inside = np.clip(time, middles[0], middles[-1])
     if middles.size > 1:
         level = CubicHermiteSpline(middles, level, slope / half)(inside)

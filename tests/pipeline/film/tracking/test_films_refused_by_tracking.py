@@ -30,11 +30,12 @@ def test_what_is_read_well_passes(followed: Tracks) -> None:
 def test_a_line_on_which_something_else_lies_is_refused(followed: Tracks) -> None:
     misfit = ALONE.copy()
     misfit[1, :20] = 9.0
-    with pytest.raises(RefusedError, match=r"trace 2 of the film does not look like one line.*at most 4"):
+    with pytest.raises(RefusedError, match=r"trace 2 of the film does not look like one line.*at most 8"):
         checked(followed, misfit)
-    with pytest.raises(RefusedError, match="at most 8 is"):
-        checked(followed, misfit, 5e-4)
-    checked(followed, misfit, 4e-4)  # finer grain than what is known of lines
+    misfit[1, :20] = 17.0
+    with pytest.raises(RefusedError, match="at most 16 is"):
+        checked(followed, misfit, 2.0)
+    checked(followed, misfit, 2.5)  # finer grain than what is known of lines
 
 
 def test_a_trace_that_is_hardly_read_is_refused(followed: Tracks) -> None:

@@ -251,13 +251,12 @@ def _drift(time: Floats, heave: Floats) -> tuple[Floats, float]:
 
     known, none = np.isfinite(heave), (np.zeros(time.size), 0.0)
     at, value = time[known], heave[known]
-    if at.size < NEIGHBOURS:
+    if at.size < NEIGHBOURS or at[-1] - at[0] < TAPER:  # a shorter taper lets the sea pass
         return none
-    spacing, half, lines = np.gradient(at), 0.5 * min(TAPER, at[-1] - at[0]), []
-    steps = np.diff(at)
+    spacing, half, lines, steps = np.gradient(at), 0.5 * TAPER, [], np.diff(at)
     wide = steps > UNEVEN * np.median(steps)
     beside = np.append(wide, False) | np.append(False, wide)
-    for middle in np.linspace(at[0] + half, at[-1] - half, 1 + int(4.0 * (at[-1] - at[0] - 2.0 * half) / TAPER)):
+    for middle in np.linspace(at[0] + half, at[-1] - half, 1 + int(4.0 * (at[-1] - at[0] - TAPER) / TAPER)):
         inside = np.abs(at - middle) <= half
         x = (at[inside] - middle) / half
         weight = np.i0(SHAPE * np.sqrt(1.0 - x**2)) * spacing[inside]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -44,6 +45,7 @@ LOOSE = 3.0  # a sea that a rough fit shows keeps so much less to where it began
 MOST_SEAS, MORE, MUCH_MORE = 2, 15.0, 100.0  # of an axis at first; in log-likelihood, of a sea, of what is faster
 ROUNDS, SHARES = 4, (1.0, 0.3)  # of a step that the errors' spectrum asks for
 SWAYED = 30.0  # of a difference's noise, by motion at the swing's frequency
+TWINS, TWIN_WIDTH, TWIN = (0.5, 0.7, 1.0, 1.4), 0.3, 0.3  # rad s-1; of a frequency; size of the faster sea
 SWEEPS, FIRST_STEP, TEN, GROWS, SHRINKS = 6, 0.3, 2.3, 1.5, 0.4  # rounds; of a logarithm, and what trials make of it
 
 
@@ -188,6 +190,8 @@ def polished(fit: Fitted) -> Fitted:
     """With the ship's parameters where the readings themselves are likeliest, by trial, where the errors' spectra tell
     them badly: where the ship's motion shows in several traces, the filter turns errors of one into those of another.
     Of one such trace a trial without so much motion at the swing tells first whether there is much to gain."""
+    if fit.model.problem.sparse:
+        fit = _swaying_twice(fit)
     ship, noise = fit.model.assumed.ship, fit.model.assumed.noise
     ends, least = np.cumsum([parameters((each,)).size for each in ship]), MUCH_MORE
     if not np.any(shared(fit) != np.eye(noise.size)):
@@ -214,6 +218,22 @@ def polished(fit: Fitted) -> Fitted:
         if fit.solution.log_likelihood - before.solution.log_likelihood < least:
             break
         least = MORE
+    return fit
+
+
+def _swaying_twice(fit: Fitted) -> Fitted:
+    """With two seas where there is one, or slow vibration, if the readings are likelier so: the spectra of errors do
+    not tell it where the readings are sparse. What the ship does at the swing depends on how steeply a sea falls."""
+    ship, begun = fit.model.assumed.ship, fit
+    for peak in TWINS:
+        pairs: list[Component] = []
+        for axis in get_args(Axis):
+            size = float(np.sqrt(sum(each.rms**2 for each in ship if each.axis == axis)))
+            one = Sea(peak, TWIN_WIDTH * peak, size, axis)
+            pairs += [one, replace(one, frequency=2.0 * peak, rms=TWIN * size)] if size else []
+        model = replace(fit.model, assumed=replace(fit.model.assumed, ship=tuple(pairs)), begun=tuple(pairs))
+        trial = attempted(model, path_on(begun, model.assumed.ship), smooth=True, most=1)
+        fit = fit if trial is None else likelier(fit, reshaped(trial))
     return fit
 
 

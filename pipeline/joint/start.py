@@ -131,7 +131,7 @@ def _first_constants(gathered: Gathered) -> Constants:
 
 def _held(constants: Constants, gravity: float = EXACT) -> Constants:
     """Damping held where it is, gravity within some 1 sigma of its prior."""
-    held = (replace(c, prior=EXACT, mean=c.value) if c.kind == kinds.DAMPING else c for c in constants)
+    held = (replace(c, prior=EXACT, mean=c.value) if c.kind in (kinds.DAMPING, kinds.DELAY) else c for c in constants)
     return tuple(replace(c, prior=gravity) if c.kind == kinds.GRAVITY else c for c in held)
 
 

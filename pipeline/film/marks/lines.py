@@ -26,6 +26,7 @@ STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 
 ALIKE = 0.7  # correlation with the others, of a group that shows the marks
 ROUNDS = 4
 USUAL, ODD = 0.3, 1.4  # of a usual mark's height: of a peak that is one; and from which more than a mark lies there
+DIP = 0.1  # the same, of what lies lower between two marks
 NEIGHBOURS, BROADER = 31, (0.06, 0.8)  # marks; by how much more light one that hides a stand of the paper has
 LAGS, PAD = 32, 24  # of a row, in which lags of lines are drawn; rows on either side, for the spline
 REACH = 1.5  # breadths of a mark, within which its light lies
@@ -66,8 +67,10 @@ class Lines(NamedTuple):
         from scipy.signal import find_peaks, peak_widths
 
         least = max(STANDS_OUT * self.noise, FAINT_BRIGHT if self.kind == "bright-lines" else FAINT_DARK)
-        top, _ = find_peaks(self.light, height=least, prominence=0.5 * least)
-        top = top[self.light[top] > USUAL * np.median(self.light[top])] if top.size else top
+        top, found = find_peaks(self.light, height=least, prominence=0.5 * least)
+        if top.size:  # noise on top of a broad mark makes no second one
+            usual = float(np.median(self.light[top]))
+            top = top[(self.light[top] > USUAL * usual) & (found["prominences"] > DIP * usual)]
         return top, peak_widths(self.light, top)[0]
 
     def cleared(self) -> "Lines":

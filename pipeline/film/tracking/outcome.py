@@ -169,7 +169,7 @@ def judge(
     allowed = spread + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
     strange = shift**2 > STRANGE**2 * allowed
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
-    rejected = (misfit > MISFIT) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    rejected = (misfit > MISFIT * _usual_misfit(misfit, followed, np.abs(slope) < STEEP)) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
     rejected |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
     rejected |= strange & ndimage.binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
     rejected |= variance > WORST_NORMAL**2 * optics.spot**2 * stretch
@@ -195,6 +195,13 @@ def _usual(variance: Floats, followed: NDArray[np.bool_]) -> Floats:
     good = followed & np.isfinite(variance)
     usual = float(np.median(variance[good])) if good.any() else 0.0
     return np.asarray(ndimage.median_filter(np.where(good, variance, usual), ABOUT))
+
+
+def _usual_misfit(misfit: Floats, followed: NDArray[np.bool_], turning: NDArray[np.bool_]) -> Floats:
+    """Of rows alike, where the line turns and elsewhere, at least 1: grain may be finer than a line's model."""
+    of_each = (misfit[followed & np.isfinite(misfit) & (turning == there)] for there in (False, True))
+    steep, turn = (float(np.median(each)) if each.size else 1.0 for each in of_each)
+    return np.asarray(np.where(turning, max(turn, 1.0), max(steep, 1.0)))
 
 
 def _cut(lack: Floats, variance: Floats, followed: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -169,7 +169,8 @@ def judge(
     allowed = spread + course_variance + (COURSE_SLACK * optics.spot) ** 2 * stretch
     strange = shift**2 > STRANGE**2 * allowed
     dim = 1.0 - light / lamp > STRANGE * np.sqrt(light_spread)
-    rejected = (misfit > MISFIT * _usual_misfit(misfit, followed, np.abs(slope) < STEEP)) | (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
+    rejected = misfit > MISFIT * _usual_misfit(misfit, followed, np.abs(slope) < STEEP)
+    rejected |= (shift**2 > OUTLIER**2 * allowed) | (light > MOST_LIGHT * lamp)
     rejected |= shift**2 > (FAR * optics.spot) ** 2 * stretch + OUTLIER**2 * course_variance
     rejected |= strange & ndimage.binary_dilation(followed & ~gap & (strange | dim), [True, False, True])
     rejected |= variance > WORST_NORMAL**2 * optics.spot**2 * stretch

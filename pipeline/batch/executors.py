@@ -17,6 +17,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
 import weakref
 from collections import deque
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 ATTEMPTS = 3  # How often a record is begun whose process vanished before it began, or fell silent
 LOOK = 5.0  # s after which a silent process is looked for
+PATIENCE = 20.0  # s that a process may take to end when it is told to; it dies with this one anyway
 _START = 900.0  # s a process may take to start, with all kernels compiled anew, on a busy machine
 _PR_SET_PDEATHSIG = 1
 _M_TRIM_THRESHOLD, _KEPT = -1, 16 << 20  # bytes that malloc may keep between records,
@@ -108,8 +110,10 @@ class Isolated(contextlib.AbstractContextManager["Isolated"]):
         pool, self._pool = self._pool, None
         if pool is not None:
             pool.stop()
-            with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
-                pool.join()
+            # an interrupt may have left a future locked, for which pebble would wait for ever
+            ending = threading.Thread(target=_joined, args=(pool,), daemon=True)
+            ending.start()
+            ending.join(PATIENCE)
         self._clean()
 
     def _again(self) -> Future[Outcome]:
@@ -128,6 +132,12 @@ class Isolated(contextlib.AbstractContextManager["Isolated"]):
             begun = Future()
             begun.set_exception(BrokenProcessPool(str(error)))
         return begun
+
+
+def _joined(pool: ProcessPool) -> None:
+    """Wait for a pool that was stopped to end its process."""
+    with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
+        pool.join()
 
 
 def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:

@@ -248,3 +248,21 @@ def test_a_record_that_takes_longer_than_a_look_is_waited_for(small, out, monkey
     monkeypatch.setattr(isolated, "ProcessPool", Pools(lambda: future))
     with Isolated(METHODS, 1.0) as child:
         assert child.run(small, config) == done
+
+
+def test_a_process_that_does_not_end_is_left_to_die_with_its_parent(monkeypatch):
+    ended = threading.Event()
+
+    class Stuck:  # as pebble where an interrupt left a future locked
+        def stop(self):
+            pass
+
+        def join(self):
+            ended.wait(60.0)
+
+    monkeypatch.setattr(isolated, "PATIENCE", 0.05)
+    own = Isolated(METHODS, 1.0)
+    monkeypatch.setattr(own, "_pool", Stuck())
+    own.stop()
+    assert not ended.is_set()
+    ended.set()

@@ -83,7 +83,7 @@ class FilmTraces:
                 raise search
             return axis_of(search, self.tracks, marking, self.placed.marks)
         except RefusedError as fault:
-            if marking.kind is not None or isinstance(fault, TimeReversedError):
+            if marking.kind == "gaps" or isinstance(fault, TimeReversedError):
                 raise
             across = self.film.blank.across
             try:
@@ -105,14 +105,14 @@ class FilmTraces:
 
     def _axis_beside(self, kind: str, marking: Marking, jobs: int) -> TimeAxis:
         """The time axis by marks of some kind beside the traces."""
-        scan, tracks, lines, words = self.scan, self.tracks, self.film.blank.across, kind.replace("-", " ")
+        scan, tracks, lines = self.scan, self.tracks, self.film.blank.across
         if kind == "edge":
             lines = ticks(partial(shown_darkness, self.film, scan), scan.rows, free_columns(tracks, scan.columns))
-        if lines is None or lines.kind != kind:
-            raise NoMarksError(f"film: no {words} run across it; state another mark_kind")
+        if lines is None:
+            raise NoMarksError("film: no lines run across it; state another mark_kind")
         if not np.isfinite(tracks.position).any():
             raise RefusedError(
-                f"film: {words} mark it, and swings as dense as these are read in gaps alone; "
+                "film: marks lie beside its traces, and swings as dense as these are read in gaps alone; "
                 "scan a faster film, or read it with --reading continuous"
             )
         own = swept(tracks, scan.columns)
@@ -130,9 +130,11 @@ class FilmTraces:
 
 
 def _kind_of(marking: Marking, film: FilmEmulsion) -> str:
-    """Where marks are looked for first; see `Marking`."""
+    """Where marks are looked for first; see `Marking`. Which tone lines have, the film says: it may be a negative."""
     across = film.blank.across
-    return marking.kind or ("dark-lines" if across is not None and across.kind == "dark-lines" else "gaps")
+    if marking.kind and (across is None or marking.kind in ("gaps", "edge", across.kind)):
+        return marking.kind
+    return "dark-lines" if across is not None and across.kind == "dark-lines" else "gaps"
 
 
 def ways_to_follow(reading: str, speed: float | None) -> tuple[bool, ...]:

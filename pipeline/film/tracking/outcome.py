@@ -86,7 +86,7 @@ def read_both(
         share = openness(gaps[k], first, rows, optics.spot)
         tracks.position[k, part], tracks.sigma[k, part], tracks.qc[k, part] = judge(
             reading[k], place[k], course.variance[k], course.disagreement[k], course.known[k], share, lamp[k], black[k],
-            optics, marked,
+            optics, None if across is None else across.kind,
         )  # fmt: skip
     tracks.course[:, part], tracks.slope[:, part], tracks.curvature[:, part] = place, slope, bend / gain**3
     tracks.brightness[:, part] = np.where(known, light[:, inside] / lamp, np.nan)
@@ -143,13 +143,15 @@ def openness(gaps: Floats, first: int, rows: int, spot: float) -> Floats:
 
 def judge(
     reading: Floats, place: Floats, course_variance: Floats, disagreement: Floats, known: NDArray[np.uint8],
-    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics, marked: bool,
+    open_share: Floats, lamp: Floats, black: NDArray[np.bool_], optics: Optics, across: str | None,
 ) -> tuple[Floats, Floats, NDArray[np.uint16]]:  # fmt: skip
     """Position and sigma of one trace's rows, NaN where not accepted, and their flags.
 
     `reading` is that of `row_reading.read_piece`, the course that of `pieces.combined`; `lamp` is the brightness in the
-    open, and `black` says where the film can be no darker. On a `marked` film what is hidden is a dark mark.
+    open, and `black` says where the film can be no darker. `across`: kind of the marks across the film; on dark ones
+    nothing is read, and bright ones may shade whole rows of a trace's light, or some of its time.
     """
+    marked = across == "dark-lines"
     shift, variance, light, light_variance, misfit, alone, slope = reading.T
     light_variance = np.where(light_variance > 0.0, light_variance, np.inf)  # what lies there is no line
     stretch = 1.0 + slope**2
@@ -162,7 +164,7 @@ def judge(
     light_spread = _usual(light_variance, followed) / lamp**2
     visible &= (light > PARTIAL * lamp) | ~_cut(1.0 - light / lamp, light_spread, followed)
     beside = open_share < WHOLE
-    gap = followed & ((open_share < LEAST_OPEN) | (beside & (np.abs(slope) < STEEP)))
+    gap = followed & ((open_share < LEAST_OPEN) | (beside & ((np.abs(slope) < STEEP) | (across == "bright-lines"))))
     unsure = followed & (disagreement > DISAGREEMENT)
     shared = followed & (variance > SHARED * alone)
     spread = np.where(shared, variance, np.minimum(variance, _usual(alone / stretch, followed) * stretch))

@@ -59,6 +59,15 @@ def test_time_by_marks_beside_traces_is_true(style: str, tmp_path: Path) -> None
         assert np.nanmax(np.abs(away)) < 12.0
 
 
+def test_tone_of_lines_is_told_by_the_film(tmp_path: Path) -> None:
+    """A person sees the scan, which may be the film's negative."""
+    image, truth = expose(tmp_path, style="bright lines", **BESIDE["bright lines"])
+    known = load_description(image.with_name("night.film.toml")).model_copy(update={"mark_kind": "dark-lines"})
+    found, _ = read(image, known)
+    assert found.axis.kind == "bright-lines"
+    assert np.nanmax(np.abs(late(found, truth, 0))) < 1e-3
+
+
 def test_wire_across_all_light_is_read_by_gaps(tmp_path: Path) -> None:
     image, truth = expose(tmp_path, style="wire", fog=0.1)
     found, _ = read(image)
@@ -69,7 +78,7 @@ def test_wire_across_all_light_is_read_by_gaps(tmp_path: Path) -> None:
 def test_stated_kind_that_is_not_there_is_refused(tmp_path: Path) -> None:
     image, _ = expose(tmp_path, duration=(30.0, 30.0), missing=0.0)
     known = load_description(image.with_name("night.film.toml")).model_copy(update={"mark_kind": "dark-lines"})
-    with pytest.raises(RefusedError, match=r"no dark lines run across it.*mark_kind"):
+    with pytest.raises(RefusedError, match=r"no lines run across it.*mark_kind"):
         read(image, known)
 
 

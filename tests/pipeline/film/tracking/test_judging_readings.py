@@ -27,12 +27,16 @@ def judged(reading: dict[int, Any], **other: Any) -> Any:
         "known": np.full(ROWS, BOTH, np.uint8),
         "open": np.ones(ROWS),
         "black": np.zeros(ROWS, dtype=bool),
+        "across": None,
     }
     for name, value in other.items():
-        rows[name][AT] = value
+        if isinstance(rows[name], np.ndarray):
+            rows[name][AT] = value
+        else:
+            rows[name] = value
     return judge(
         table, np.full(ROWS, 120.0), np.full(ROWS, 1e-3), rows["disagreement"], rows["known"], rows["open"],
-        np.ones(ROWS), rows["black"], OPTICS, False,
+        np.ones(ROWS), rows["black"], OPTICS, rows["across"],
     )  # fmt: skip
 
 
@@ -62,6 +66,22 @@ def test_a_fault_takes_its_row_and_no_other(reading: dict[int, Any], other: dict
     assert np.flatnonzero(np.isnan(position)).tolist() == [AT]
     assert qc[AT] & ELONGATION_FLAGS[flag]
     assert np.flatnonzero(qc).tolist() == [AT]
+
+
+def test_rows_beside_bright_marks_across_are_left_out() -> None:
+    """What shades rows of a scan leaves a trace's middle where it is; what shades time moves that of steep strokes."""
+    assert np.isfinite(judged({}, open=0.9)[0]).all()
+    assert np.flatnonzero(np.isnan(judged({}, open=0.9, across="bright-lines")[0])).tolist() == [AT]
+
+
+def test_rows_are_strange_among_their_like() -> None:
+    """Where a line turns its model may leave more than grain finer than it: no outlier where all rows do."""
+    slope, misfit = np.full(ROWS, 5.0), np.ones(ROWS)
+    slope[::4], misfit[::4] = 0.5, 15.0
+    misfit[AT + 1] = 15.0
+    position = judged({SLOPE: slope, MISFIT: misfit})[0]
+    assert np.isnan(position).sum() == 1
+    assert np.isfinite(position[::4]).all()
 
 
 def test_what_one_direction_knows_is_read_and_flagged() -> None:

@@ -146,6 +146,9 @@ def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
         source=f"{files}; seconds count from a full minute of the chronometer, which one the film does not say",
     )
     time_words = {**attributes("time"), "units": f"seconds since {described.start_time}"}
+    beside = axis.kind != "gaps" and len(traces) > 1  # which tell nothing of how far the lamps lie apart
+    timed = np.flatnonzero(np.isfinite(axis.seconds))
+    place = reading.scale * np.interp(samples.time, axis.seconds[timed], timed)
     film = dataset(
         "film",
         {
@@ -156,7 +159,8 @@ def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
             "source_file": files,
             "source_sha256": ", ".join(reading.scan.sha256),
         }
-        | ({} if described.gap is None else {"gap": described.gap}),
+        | ({} if described.gap is None else {"gap": described.gap})
+        | ({"paper_speed": np.gradient(place, samples.time)} if beside else {}),
         {"trace": [trace.name for trace in traces]},
     )
     film.attrs = findings(reading, paper) | {"assumed": "; ".join(known.assumptions(traces))}
@@ -183,7 +187,6 @@ def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
         length = float(np.nanmax(axis.seconds) - np.nanmin(axis.seconds))
         line = axis.mark_sigma * float(np.sqrt(12.0 * axis.interval / length)) / length  # through all marks, its rate
         clock = 86400.0 * max(line, drift or 0.0)
-    beside = axis.kind != "gaps" and len(traces) > 1  # which tell nothing of how far the lamps lie apart
     found = {
         "chronometer_rate_uncertainty": clock,
         "scale_uncertainty": scale_error(reading, known.speed),

@@ -172,4 +172,5 @@ def derive_errors(
             if speed == 0.0:
                 for q in range(state.shape[0]):
                     speed += slots.rate[j, q] * state[q, last]
-            seen[j, c] -= speed * np.cos(columns.width[c] * time) if columns.width[c] > 0.0 else speed
+            pace = readings.pace[which] if kind == kinds.DELAY and readings.pace.size else 1.0
+            seen[j, c] -= pace * speed * (np.cos(columns.width[c] * time) if columns.width[c] > 0.0 else 1.0)

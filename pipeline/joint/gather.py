@@ -143,7 +143,8 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
         Problem(
             lattice, frequency**2, np.zeros(len(labels)) if damping is None else np.asarray(damping),
             screening.far_off(lattice.trace, lattice.value, series.shape[0]), spline,
-            _track(known, all_times, lattice), steps, *(_of_film(record, lattice) if "film" in record.children else ()),
+            _track(known, all_times, lattice), steps,
+            *(_of_film(record, all_times, lattice) if "film" in record.children else ()),
         ),
         labels, known, np.append(stated, accelerations), white, doubt, still, tilts, "film" in record.children,
         _shown(record), partial(gather, record, calm=False),
@@ -218,8 +219,9 @@ def _shown(record: DataTree) -> tuple[float, float]:
     return period, sigma
 
 
-def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[float, ...]]:
-    """1 sigma of a film's times, s; the marks' own noise, s3/2; times of steps of the paper, s since the first node."""
+def _of_film(record: DataTree, time: Floats, lattice: Lattice) -> tuple[float, float, tuple[float, ...], Floats]:
+    """1 sigma of a film's times, s; the marks' own noise, s3/2; times of steps of the paper, s since the first node;
+    the mean speed over that at each reading, which is slower where delays are longer; empty where it is not stated."""
     stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs
     known = np.array([]) if stated is None else np.asarray(stated.values)[np.isfinite(stated.values)]
     sigma = float(np.median(known)) if known.size else 0.0
@@ -230,7 +232,12 @@ def _of_film(record: DataTree, lattice: Lattice) -> tuple[float, float, tuple[fl
         noise, steps = np.nan, np.zeros(0)
     if not 0.0 <= noise < np.inf or steps.size > MOST_STEPS:
         raise RecordError("film: attributes time_noise and paper_steps are not those of a film; digitise it again")
-    return sigma, noise, tuple(steps[(steps > 0.0) & (steps < lattice.duration)].tolist())
+    pace = np.zeros(0)
+    if "paper_speed" in record["film"].dataset:
+        speed: Floats = np.asarray(record["film"].dataset["paper_speed"].values, dtype=np.float64)
+        known = np.isfinite(speed)
+        pace = np.mean(speed[known]) / np.interp(lattice.start + lattice.time, time[known], speed[known])
+    return sigma, noise, tuple(steps[(steps > 0.0) & (steps < lattice.duration)].tolist()), pace
 
 
 def _bias(heave: Floats, noise: float) -> tuple[float, float]:

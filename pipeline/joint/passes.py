@@ -18,6 +18,7 @@ class Readings(NamedTuple):
     variance: Floats  # (r,) of the reading; infinite = left out
     combination: Floats  # (t, p)
     others: Floats  # (r,) rad, what cross-talk adds, as it was read; or empty
+    pace: Floats  # (r,) of its delay, over that of its trace; or empty
 
 
 class Columns(NamedTuple):

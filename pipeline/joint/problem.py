@@ -69,6 +69,8 @@ class Problem:
     """White noise of the marks from which these times come, times the root of their interval, s3/2; 0: not stated."""
     paper_steps: tuple[float, ...] = ()
     """s since the first node: steps of a film's paper, taken off as well as they show there."""
+    pace: Floats = field(default_factory=lambda: np.zeros(0))
+    """(r,) a film's mean speed over that at the reading: delays on it are lengths; empty: it is not stated."""
     repeating: Floats = field(default_factory=lambda: np.zeros(0))
     """(t,) rad, root mean square of the errors repeating with the swing that the readings are without; empty: none."""
 
@@ -189,7 +191,7 @@ class Problem:
         """The readings less what the constants say of the traces."""
         own, gain = self.lattice, self.gain(constants)
         delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
-        late, value = delay[own.trace], own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
+        late, value = delay[own.trace] * (self.pace if self.pace.size else 1.0), own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
@@ -207,7 +209,7 @@ class Problem:
             variance[self.left_out] = np.inf
         combination = own.combination + self.cross(constants) * self.mixed
         first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
-        return passes.Readings(first, own.trace, own.offset - late, value, variance, combination, self.others)
+        return passes.Readings(first, own.trace, own.offset - late, value, variance, combination, self.others, self.pace)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""

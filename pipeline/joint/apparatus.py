@@ -1,5 +1,6 @@
 """Constants of the apparatus: zeros and those of a recorded heave, always sought; others where the likelihood pays."""
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -55,7 +56,14 @@ def constants(problem: Problem, known: dict[str, Any]) -> Constants:
             of = [(f"stated {name} of trace {j + 1}", j) for j in traces]
             if name == "scale" and not any(np.ndim(stated.get(each, 0.0)) for each in (name, f"{name}_uncertainty")):
                 of = [("stated scale of all angles", -1)]
-            found += [constant(called, kind, name, prior, j) for called, j in of]
+            some = [constant(called, kind, name, prior, j) for called, j in of]
+            if kind == kinds.DELAY:  # of all traces it says nothing: those of others against the first
+                own = [each.prior for each in some]
+                some = [
+                    replace(c, prior=EXACT if not k else np.hypot(p, own[0]))
+                    for k, (c, p) in enumerate(zip(some, own, strict=True))
+                ]
+            found += some
     for i, part in enumerate(np.asarray(known["period_relative_uncertainty"]).tolist()):
         if part > 0.0:  # of n^2
             found.append(Constant(f"stated period of pendulum {i + 1}", kinds.RATIO, 2.0 * part, i, stated=True))

@@ -16,6 +16,7 @@ from pipeline.joint.start import CAPTURE, CLOSE, MGAL, MOST_APART, first_fits
 from pipeline.joint.unfollowed import (
     change_by_rounding,
     change_in_gaps,
+    doubt_by_delay,
     doubt_by_repeating,
     doubt_by_scale,
     short_waves,
@@ -109,8 +110,10 @@ def reduce(gathered: Gathered) -> Outcome:
     lifted, waves = short_waves(fit)
     mean += hidden + lifted - rounding
     repeating = doubt_by_repeating(fit, row) if gathered.film else 0.0
-    scale = doubt_by_scale(fit, gathered.constants["constants"].get("scale_uncertainty", 0.0))
-    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating, scale)
+    stated = gathered.constants["constants"]
+    scale = doubt_by_scale(fit, stated.get("scale_uncertainty", 0.0))
+    late = doubt_by_delay(fit, stated.get("delay_uncertainty", 0.0))
+    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating, scale, late)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)

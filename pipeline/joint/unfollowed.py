@@ -198,6 +198,15 @@ def _change(fit: Fitted, gravity: Floats, problem: Problem) -> float:
     return float(gravity @ [one.value - other.value for one, other in pairs])
 
 
+def doubt_by_delay(fit: Fitted, sigma: Any) -> float:
+    """1 sigma of gravity over itself by one of how late all traces of a film are, s: where its paper changes its speed,
+    that changes too, and nothing but the paper's marks tells time."""
+    pace, lattice = fit.model.problem.pace, fit.model.problem.lattice
+    if not pace.size:
+        return 0.0
+    return 2.0 * float(np.ravel(sigma)[0]) * abs(float(np.polyfit(lattice.time, pace, 1)[0]))
+
+
 def doubt_by_scale(fit: Fitted, sigma: Any) -> float:
     """1 sigma of gravity over itself by one of the scale of all angles, where unknown vertical motion is assumed: it
     grows by a quarter of an amplitude's square."""

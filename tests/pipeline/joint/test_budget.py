@@ -104,7 +104,7 @@ def test_clock_step_that_is_found_stands_in_the_ledger() -> None:
         (kinds.ZERO, {"zero": 2e-3, "zero_uncertainty": 2e-4}, 1),
         (kinds.GAIN, {"scale": 2e-3, "scale_uncertainty": 2e-4}, -1),
         (kinds.GAIN, {"scale": [0.0, 2e-3], "scale_uncertainty": [1e-4, 2e-4]}, 1),
-        (kinds.DELAY, {"delay": [0.0, 2e-3], "delay_uncertainty": [1e-4, 2e-4]}, 1),
+        (kinds.DELAY, {"delay": [0.0, 2e-3], "delay_uncertainty": [1e-5, 2e-4]}, 1),
         (kinds.RATIO, {"period_uncertainty": [1e-6, 1e-4]}, 1),
         (kinds.DAMPING, {"damping_rate_uncertainty": [1e-6, 2e-4]}, 1),
     ],

@@ -74,6 +74,27 @@ def test_what_is_left_of_a_step_of_the_paper_is_found() -> None:
     assert abs(in_sigmas(summaries(process(made, method="joint"))[0], gravity)) < 3.5
 
 
+def test_how_far_a_trace_lies_off_the_marks_is_a_length() -> None:
+    """Lamps at some distance along a film are late by more where the paper runs slower."""
+    made, gravity = with_wander(0.0)
+    time = made.dataset["time"].values
+    pace = 1.0 + 0.03 * (time - time.mean()) / np.ptp(time)
+    late = np.array([[0.03], [-0.04]]) * pace
+
+    def delayed(at: np.ndarray, value: np.ndarray) -> np.ndarray:
+        return np.array([CubicSpline(at, each)(at - by) for each, by in zip(value, late, strict=True)])
+
+    made = changed(made, "elongation", delayed)
+    stated = {"delay_uncertainty": ((), 0.06, {"units": "s"})}
+    made["instrument"] = xr.DataTree(made["instrument"].dataset.assign(stated))
+    made["film"] = xr.DataTree(made["film"].dataset.assign(paper_speed=("time", 5.0 / pace, {"units": "mm s-1"})))
+    found = summaries(process(made, method="joint"))[0]
+    assert abs(in_sigmas(found, gravity)) < 3.5
+    # how late all are, only the marks could tell
+    assert found["gravity_sigma_mgal"] == pytest.approx(2.0 * 0.06 * 0.03 / np.ptp(time) * 9.81e5, rel=0.01)
+    assert "delay of trace 2: -0.07 " in found["choice_reason"]
+
+
 def test_noise_of_marks_that_is_not_stated_is_taken_to_last_seconds() -> None:
     made, _ = with_wander(0.0)
     stated = gather(made).problem.time_noise

@@ -20,7 +20,7 @@ GROUP, TICK, LEAST = 32, 4, 4  # columns of a group, for lines across and for ti
 WIDE = 8  # groups that are looked at together at first; of a narrow film half of all
 PLACES, ROWS = 7, 1024  # sections that are looked at first, and rows in each
 STANDS_OUT, FAINT_DARK, FAINT_BRIGHT = 8.0, 0.02, 0.01  # of a peak: sigmas, and darkness, of dark and of bright ones
-FEWEST = 3  # peaks in a section
+FEWEST, AS_MANY = 3, 0.8  # peaks in a section; share of the dark ones that are as many, of bright ones, or reversed
 MOSTLY = 0.6  # of groups or sections, that show marks
 STEEPEST, STEP, SEARCHED = 0.035, 0.00125, 6000  # tangents of the shear, up to 2 degrees, and rows by which it is found
 ALIKE = 0.7  # correlation with the others, of a group that shows the marks
@@ -143,6 +143,8 @@ def shown(light: NDArray[np.floating], noise: float) -> int:
     away = light - np.median(light)
     shown_by = (away > max(STANDS_OUT * noise, FAINT_DARK), -away > max(STANDS_OUT * noise, FAINT_BRIGHT))
     counts = [int(np.count_nonzero(np.diff(peaks.astype(np.int8)) > 0)) for peaks in shown_by]
+    if min(counts) >= max(FEWEST, AS_MANY * max(counts)):  # film midway between dark marks is brighter than beside them
+        return 1 if away.max() >= -away.min() else -1
     return 0 if max(counts) < FEWEST else 1 if counts[0] >= counts[1] else -1
 
 

@@ -26,6 +26,7 @@ Axis = Literal["horizontal", "transverse", "vertical", "tilt"]
 Transverse: what all pendulums but the first feel, whose planes of swing are not parallel to its own."""
 FASTEST = 60.0  # s-1, rate of a vibration that the steps of a lattice follow
 ROUGHEST = 10.0  # of gravity, rms of a sea: none is rougher, and rounding would take the sign of its covariance
+LOUDEST = 0.05  # the same of a line of vertical vibration: a ship that shakes so is not lived in
 FASTEST_HEAVE = 7.0  # rad s-1, of the sea: what is faster has no sidebands, or acts as gravity does
 NARROWEST, BROADEST, LINE = 0.01, 0.7, 1e-4  # of the frequency, a sea's damping; least of a line's
 SWELL = 3.0  # rad s-1: what is narrower than a sea, and slower, is one still
@@ -184,8 +185,8 @@ def assemble(like: tuple[Component, ...], vector: Floats) -> tuple[Component, ..
             continue
         frequency, width, size = next(values), next(values), min(next(values), ROUGHEST)
         kind = Engine if isinstance(each, Engine) or (width < NARROWEST and frequency > SWELL) else Sea
-        if kind is Sea and each.axis == "vertical":
-            frequency = min(frequency, FASTEST_HEAVE)
+        if each.axis == "vertical":
+            frequency, size = (min(frequency, FASTEST_HEAVE), size) if kind is Sea else (frequency, min(size, LOUDEST))
         width = max(width, NARROWEST if kind is Sea else LINE)
         out.append(kind(frequency, frequency * min(width, BROADEST), size, each.axis))
     return tuple(out)

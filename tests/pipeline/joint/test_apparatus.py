@@ -92,7 +92,7 @@ def test_gravity_survives_a_fault_of_the_apparatus(fault: str) -> None:
 def test_cross_talk_is_weighed_against_a_period_that_is_wrong() -> None:
     """A percent of each pendulum in the other's trace turns their phases as a period does that is off by 2e-6."""
     both = [{"name": "1", "combination": {"1": 1.0}}, {"name": "2", "combination": {"2": 1.0}}]
-    made, gravity = record(duration=1800.0, recording={"traces": both})
+    made, gravity = record(duration=900.0, recording={"traces": both})
     plain = row(made)
     found = row(changed(made, "elongation", lambda time, value: value + 0.01 * value[::-1]))
     assert abs(in_sigmas(plain, gravity)) < 3.5

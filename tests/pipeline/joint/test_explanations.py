@@ -46,6 +46,7 @@ def test_noisy_heave_may_have_a_wrong_scale_or_come_late(change: str) -> None:
     assert abs(in_sigmas(row(of.tree), of.gravity)) < 4.0
 
 
+@pytest.mark.campaign
 def test_noisy_heave_of_wrong_sign_is_refused() -> None:
     of = made(300.0, swell=(0.05, 0.1), states_heave=True, heave_noise=5e-3, heave_scale=-1.0)
     with pytest.raises(RefusedError):

@@ -20,6 +20,7 @@ REACH = 2.5  # swings on either side of an event
 LEAST = 24  # samples of a window
 SPARSE = 0.6  # of a swing between samples
 SHOWS, SWAYS = 0.3, 2.0  # px, 1 sigma of a wander that is taken off; of a sway that tells differences from pendulums
+RARE = (0.1, 0.9)  # quantiles of a slow part, beyond which a trace may have strayed
 HALF = 0.5  # of either, what every trace has of it at least
 CREASES = (0.25, 0.5)  # swings in which a crease fades on either side
 HIDES = 3.0  # such lengths, in which it is left out
@@ -87,8 +88,14 @@ def exchanged(time: Floats, column: Floats, sums: Floats, period: float) -> bool
     """Whether differences sway as no paper does, and pendulums do not: exchanged, or upside down; times may be rows."""
     even = [even_part(time, time, own, period) for own in column]  # of a film that lies turned
     upright = np.stack([own - (0.0 if lean is None else lean) for own, lean in zip(column, even, strict=True)])
-    aside, all_move = sideways(slow_part, SWAYS, time, upright, np.abs(sums) < 1e-9, period)
+    aside, all_move = sideways(_usual_part, SWAYS, time, upright, np.abs(sums) < 1e-9, period)
     return aside is not None and not all_move
+
+
+def _usual_part(time: Floats, column: Floats, period: float) -> Floats | None:
+    """The slow part but for what is rare: a trace that strays is no ship."""
+    slow = slow_part(time, column, period)
+    return slow if slow is None else np.clip(slow, *np.nanquantile(slow, RARE))
 
 
 def sideways(

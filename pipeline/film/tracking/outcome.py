@@ -24,7 +24,8 @@ from pipeline.film.tracking.row_reading import read_piece
 
 NOTHING = (
     "no swinging trace found on the film: lines that turn at regular intervals are looked for, dark on light, with rows"
-    " running along time; check the orientation and polarity of the scan, or give period and traces"
+    " running along time; check the orientation and polarity of the scan, or give period and traces (the dots of a lamp"
+    " that flashes are not read)"
 )
 LEAST_READ = 0.15  # of the rows, and of the share of the best trace
 UNLIKE = 8.0  # mean square residual, in units of the grain's, of more than a line

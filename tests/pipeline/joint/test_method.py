@@ -297,15 +297,15 @@ def test_motion_in_a_long_gap_is_neither_kicks_nor_gravity() -> None:
 FEIGNED = [
     ("half-second marks", "middle", 4001, 0.1),  # 17 gal: the swing on the other side of the marks
     ("second marks", "strong", 2002, 10.0),  # 600 mGal: a swing of a second looks still
-    ("change of speed", "strong", 9002, 0.1),  # -4.5 +- 1 mGal: a minute of the first trace taken for wild
     ("gain of the first trace", "middle", 8003, 0.3),  # -.22 +- .03 mGal: kicks in place of a gain
     ("engine at 8 Hz", "weak", 9407, 0.1),  # .064 +- .005 mGal: a steady line gave way to a rougher guess
     ("heave with gaps", "weak", 9502, 0.1),  # refused: what helps the differences alone was taken for a tilt
-    ("damping stated wrong", "weak", 9704, 0.1),  # -.071 +- .009 mGal: friction that feeds the swing
     ("six zero steps", "strong", 9707, 0.1),  # .124 +- .019: the path of a zero that was dropped
     ("case tilts, recorded", "middle", 9502, 0.1),  # an internal error: laid on a denser lattice
 ]
-LONG = [  # of a minute and more
+LONG = [  # of a third of a minute and more
+    ("damping stated wrong", "weak", 9704, 0.1),  # -.071 +- .009 mGal: friction that feeds the swing
+    ("change of speed", "strong", 9002, 0.1),  # -4.5 +- 1 mGal: a minute of the first trace taken for wild
     ("quantisation", "middle", 1, 1.0),  # -24 mGal: rounding follows the swing
     ("knife-edge damping", "strong", 7, 0.1),  # .2 mGal: a period in place of the speed at which friction fades
     ("mixture", "strong", 1001, 3.0),  # -7 mGal: heave in steep seas that the noise hides

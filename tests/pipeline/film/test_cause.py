@@ -57,6 +57,7 @@ def test_each_fault_is_named_with_its_remedy(pixels: np.ndarray, dpi: float, wor
     assert words in str(cause_in(scan(pixels, dpi)))
 
 
+@pytest.mark.compiled  # a whole film is searched
 def test_a_refusal_names_it_first() -> None:
     blank = 220.0 + 6.0 * np.random.default_rng(3).standard_normal((600, 320))
     blank[::7, ::5] = 60.0

@@ -63,6 +63,7 @@ def test_blank_film_is_told_under_lines_and_vignette(kind):
     assert blank.sigma == pytest.approx(0.01, rel=0.15)
 
 
+@pytest.mark.compiled  # a whole film is read
 def test_blank_film_between_dark_lines_is_measured_beside_their_wings():
     rng, rows = np.random.default_rng(1), np.arange(1500)
     lines = 0.6 * np.exp(-0.5 * ((rows % 14.3 - 7.0) / 1.4) ** 2)

@@ -5,8 +5,6 @@ it. A kill leaves at most one torn line, the last, which is cut off when the led
 counts as not there, and its input is done again. Of several lines of one key the last one holds.
 """
 
-from __future__ import annotations
-
 import contextlib
 import datetime
 import json
@@ -45,7 +43,7 @@ class Place(NamedTuple):
     versions: str
 
     @classmethod
-    def of(cls, offset: int, content: Mapping[str, Any]) -> Place:
+    def of(cls, offset: int, content: Mapping[str, Any]) -> "Place":
         """That of a line that begins at an offset."""
         return cls(offset, *(content[name] for name in cls._fields[1:]))
 

@@ -4,8 +4,6 @@ Peers are what others read lines with, on the same image: darkest pixel, centroi
 reader is not: within which columns each trace stays.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import math
 import os
@@ -47,7 +45,7 @@ class Truth(NamedTuple):
     mark_time: Floats
 
     @classmethod
-    def of(cls, tree: DataTree) -> Truth:
+    def of(cls, tree: DataTree) -> "Truth":
         """Of the film-truth."""
         slices, marks = tree["slices"].dataset, tree["marks"].dataset
         mark = (marks["minute"].values == 0) & (marks["spurious"].values == 0)

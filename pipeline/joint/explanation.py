@@ -1,7 +1,5 @@
 """One explanation of a record, fitted: a model of what is random, its constants, and the path that it gives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -34,7 +32,7 @@ class Model:
     begun: tuple[Component, ...]  # The ship before any was added or moved
     course: Course | None = None
 
-    def adding(self, words: str, **changes: Any) -> Model:
+    def adding(self, words: str, **changes: Any) -> "Model":
         """With something more, named by these words."""
         return replace(self, words=(*self.words, words), **changes)
 
@@ -86,7 +84,7 @@ class Fitted:
         """What it is worth beside others."""
         return Candidate(self.solution.log_likelihood - cost, self.model, self.solution)
 
-    def without(self, constant: Constant) -> Fitted:
+    def without(self, constant: Constant) -> "Fitted":
         """The same without a constant that hardly differs from zero, or all of its name: by the last pass."""
         at = [k for k, each in enumerate(self.about) if each.name == constant.name]
         rest = tuple(each for each in self.about if each.name != constant.name)

@@ -11,8 +11,6 @@ swing, which acts as a change of gravity, would be left open. Vibration is a Mat
 one costs up to .05 mGal on noise-free records.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal, get_args
@@ -130,7 +128,7 @@ class Ship:
 
     @staticmethod
     @lru_cache(maxsize=4)
-    def of(components: tuple[Component, ...]) -> Ship:
+    def of(components: tuple[Component, ...]) -> "Ship":
         """Lay the components side by side."""
         from scipy.linalg import block_diag, solve_continuous_lyapunov
 

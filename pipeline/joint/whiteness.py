@@ -5,8 +5,6 @@ frequency, 1 where they are white, is thus the ratio of what is there to what is
 likelihood of that ratio moves all parameters of the ship without a pass.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
@@ -224,7 +222,7 @@ class Spectrum:
 
     @staticmethod
     @_kept
-    def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> Spectrum:
+    def of(fit: Fitted, lines: tuple[Component, ...] = (), beside: float = 0.0) -> "Spectrum":
         """The errors but those so near the swing, relative to it; finer bins about lines, also of some not assumed."""
         problem, assumed = fit.model.problem, fit.model.assumed
         bands, size = _bands(fit, (*assumed.ship, *lines), beside), 0

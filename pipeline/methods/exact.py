@@ -8,8 +8,6 @@ Both have a linear phase, are windowed sincs (Kaiser), and are corrected so that
 curvature, at zero and at the pendulum's frequency, and at that of swell, where nearly all of the motion is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +107,7 @@ def invert(prepared: Prepared) -> Estimate:
     return as_estimate(prepared, fit, colour, from_theta, numerical, reduced=True)
 
 
-def nonlinear_fit(prepared: Prepared) -> tuple[Motion, Fit]:
+def nonlinear_fit(prepared: Prepared) -> "tuple[Motion, Fit]":
     """The identity of real pendulums fitted to a record, the damping held where it is stated."""
     seen, rough, envelope = prepared.observation, prepared.fine, prepared.sliding
     noise = prepared.theta_error(1.0, 0.0)

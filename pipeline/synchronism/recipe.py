@@ -5,8 +5,6 @@ a Hann window a reading is {1, x} x {cos, sin} at the pendulum's own frequency, 
 out, never filled; an instant with less than half of its window has no phase.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import time as stopwatch
@@ -90,7 +88,7 @@ def synchrony(record: DataTree, *, accept: Collection[str] = ()) -> DataTree:
     return tree
 
 
-def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
+def _pairs(labels: list[str], seen: "Phases", start: float) -> dict[str, Any]:
     """Verdict, rates and slips of every two clocks; `start` is the time of the first reading, s."""
     rows: list[dict[str, Any]] = []
     slips: list[tuple[float, str]] = []
@@ -127,7 +125,7 @@ def _pairs(labels: list[str], seen: Phases, start: float) -> dict[str, Any]:
     return values
 
 
-def _beam(record: DataTree, time: Floats, seen: Phases) -> tuple[dict[str, Any], str]:
+def _beam(record: DataTree, time: Floats, seen: "Phases") -> tuple[dict[str, Any], str]:
     """Motion of the support in the second half, at a multiple of the clocks' frequency, and its direction."""
     traces, found = record["record"].dataset, [(-1.0, "")]
     for direction, multiple in _MULTIPLES.items():

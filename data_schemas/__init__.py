@@ -1,7 +1,5 @@
 """What is passed and stored: scenes, records, truths, results; reading, writing and checking them."""
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """Brings what a user has in memory into the form of a record: trees with dates, edited by hand, datasets of traces."""
 
-from __future__ import annotations
-
 import os
 from typing import TYPE_CHECKING
 
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 _WORDS = ("restoring", "reference", "acceleration_frame")
 
 
-def adopted(given: xr.DataTree | xr.Dataset | str | os.PathLike[str]) -> xr.DataTree:
+def adopted(given: "xr.DataTree | xr.Dataset | str | os.PathLike[str]") -> "xr.DataTree":
     """A record as the pipeline takes it: of a file, a DataTree with dates or edited by hand, or a Dataset of traces.
 
     Dates become seconds. A dataset holds variables of /record and /instrument side by side; without `combination`, the
@@ -40,7 +38,7 @@ def adopted(given: xr.DataTree | xr.Dataset | str | os.PathLike[str]) -> xr.Data
     return to_tree(current(from_tree(given))) if dated else given
 
 
-def _laid_out(traces: xr.Dataset) -> xr.DataTree:
+def _laid_out(traces: "xr.Dataset") -> "xr.DataTree":
     import xarray as xr
 
     if "trace" not in traces.dims or "time" not in traces.coords:

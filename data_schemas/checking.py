@@ -1,7 +1,5 @@
 """Checks a content, or a whole file, against the layout of its kind and names every fault at once."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import os
@@ -45,7 +43,7 @@ _NEEDED = {"period": "the full period of each pendulum in s", "reference_gravity
 _LABELS = frozenset({"trace", "pendulum", "component", "estimator", "entry", "clock", "pair"})  # none twice
 
 
-def check(tree: xr.DataTree, schema: Kind) -> list[str]:
+def check(tree: "xr.DataTree", schema: Kind) -> list[str]:
     """Every fault of a tree in memory, one line each, ``group/name: what is wrong; what to do``; empty for a good one.
 
     `schema` is what it is meant to be: record, truth, result, film-truth or summary.
@@ -56,7 +54,7 @@ def check(tree: xr.DataTree, schema: Kind) -> list[str]:
         return [str(error)]
 
 
-def checked(tree: xr.DataTree, schema: Kind) -> Contents:
+def checked(tree: "xr.DataTree", schema: Kind) -> Contents:
     """The content of a good tree; `RecordError` with every fault of another."""
     try:
         contents = from_tree(tree)

@@ -16,8 +16,6 @@ the payload of a NaN count) and one item an element for text. Sorting is by UTF-
 filters, byte order on disk, order of attributes and the netCDF-4 bookkeeping attributes do not change the digest.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math
@@ -57,7 +55,7 @@ def digest(contents: Contents) -> str:
             data = one.encode()
             total.update(len(data).to_bytes(8, "little") + data)
 
-    def put_values(values: NDArray[Any]) -> None:
+    def put_values(values: "NDArray[Any]") -> None:
         if type_name(values) == "str":
             put_text(*values.ravel().tolist())
             return
@@ -87,7 +85,7 @@ def digest(contents: Contents) -> str:
     return total.hexdigest()
 
 
-def numbers_sha256(tree: xr.DataTree) -> str:
+def numbers_sha256(tree: "xr.DataTree") -> str:
     """The checksum of a tree's numbers alone, but for the times that were taken: the same where a run is repeated."""
     contents = from_tree(tree, numbers=True)
     for group in contents.values():
@@ -95,6 +93,6 @@ def numbers_sha256(tree: xr.DataTree) -> str:
     return digest(contents)
 
 
-def content_sha256(tree: xr.DataTree) -> str:
+def content_sha256(tree: "xr.DataTree") -> str:
     """The checksum of a tree in memory, as in its file; `FileError`: a type that no file can hold."""
     return digest(from_tree(tree))

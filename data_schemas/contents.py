@@ -1,7 +1,5 @@
 """The plain content of a file, without HDF5 or xarray, so that what is checked and what is summed is the same."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -28,7 +26,7 @@ class Entry:
     """A variable: dimension names, values (numbers in native byte order, or ``str``), attributes."""
 
     dims: tuple[str, ...]
-    values: NDArray[Any]
+    values: "NDArray[Any]"
     attrs: dict[str, Any] = field(default_factory=dict)
 
 
@@ -65,7 +63,7 @@ def shown(text: object, most: int = 80) -> str:
     return plain if len(plain) <= most else plain[: most - 3] + "..."
 
 
-def type_name(values: NDArray[Any]) -> str:
+def type_name(values: "NDArray[Any]") -> str:
     """``"f8"``, ``"u2"``, ... or ``"str"``: the name of a number type without its byte order."""
     return "str" if values.dtype.kind in "UT" else values.dtype.str[1:]
 
@@ -81,7 +79,7 @@ def storable_text(text: str, where: str) -> str:
     return text
 
 
-def plain_values(values: NDArray[Any], where: str) -> NDArray[Any]:
+def plain_values(values: "NDArray[Any]", where: str) -> "NDArray[Any]":
     """Values as a file can hold them: a number type of `NUMBERS` in native byte order, or text; else `FileError`."""
     kind = values.dtype.kind
     if kind in "OTU":
@@ -117,7 +115,7 @@ def plain_attribute(value: object, where: str) -> Any:
     return as_attribute(array)
 
 
-def as_attribute(numbers: NDArray[Any]) -> Any:
+def as_attribute(numbers: "NDArray[Any]") -> Any:
     """Numbers of an attribute: a single one as such, int and float for Python's types; the checksum covers the type."""
     if numbers.size != 1:
         return numbers
@@ -125,7 +123,7 @@ def as_attribute(numbers: NDArray[Any]) -> Any:
     return number.item() if type_name(numbers) in ("i8", "f8") else number
 
 
-def from_tree(tree: xr.DataTree, *, numbers: bool = False) -> Contents:
+def from_tree(tree: "xr.DataTree", *, numbers: bool = False) -> Contents:
     """The content of a tree, or its `numbers` alone; arrays are not copied. `FileError`: a type no file can hold."""
     contents: Contents = {}
     for node in tree.subtree:
@@ -137,7 +135,7 @@ def from_tree(tree: xr.DataTree, *, numbers: bool = False) -> Contents:
     return contents
 
 
-def _entry(one: xr.Variable, where: str, attrs: Mapping[Any, Any]) -> Entry:
+def _entry(one: "xr.Variable", where: str, attrs: Mapping[Any, Any]) -> Entry:
     """A variable; dates, as xarray decodes them, become seconds since the epoch that they were read from."""
     values = one.values
     if values.dtype.kind == "M":
@@ -154,7 +152,7 @@ def _plain_attrs(attrs: Mapping[Any, Any], where: str) -> dict[str, Any]:
     return {str(name): plain_attribute(value, f"{where}, attribute {name}") for name, value in attrs.items()}
 
 
-def to_tree(contents: Contents) -> xr.DataTree:
+def to_tree(contents: Contents) -> "xr.DataTree":
     """The tree of a content; a variable named as its only dimension becomes a coordinate.
 
     `FileError`: dimensions of one name have different lengths within a group, or between a group and the root.

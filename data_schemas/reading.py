@@ -4,8 +4,6 @@ netCDF-4 keeps names of dimensions as references to *dimension scales*. Files of
 of variables gives the names by position, and failing that ``phony_dim_N`` by length, as netCDF does.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os
@@ -47,7 +45,7 @@ _LISTS = h5py.vlen_dtype(h5py.ref_dtype)
 _DAMAGE = (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError, SystemError, MemoryError, zlib.error)
 
 
-def read(path: Path, *, declared: Declared | None = None) -> xr.DataTree:
+def read(path: Path, *, declared: Declared | None = None) -> "xr.DataTree":
     """Read a record, truth or result whole; ``time`` stays float64 seconds.
 
     Packed values (``scale_factor``, ``add_offset``, ``_FillValue``) of other programs are unpacked, missing ones NaN.
@@ -133,7 +131,7 @@ def _cause(error: Exception, damage: str) -> str:
     return damage.format(shown(" ".join(str(error).split()), 120))
 
 
-def _numbers(array: h5d.DatasetID) -> NDArray[Any]:
+def _numbers(array: h5d.DatasetID) -> "NDArray[Any]":
     numbers: NDArray[Any] = np.empty(array.shape, array.get_type().dtype.newbyteorder("="))
     if numbers.size:
         array.read(h5s.ALL, h5s.ALL, numbers)
@@ -161,7 +159,7 @@ class _Reader:
             variables[name] = Entry(dims, values, self._attributes(one, where))
         return contents
 
-    def _text(self, array: h5d.DatasetID, where: str) -> NDArray[Any]:
+    def _text(self, array: h5d.DatasetID, where: str) -> "NDArray[Any]":
         kind = array.get_type()
         size = text_bytes(self._path, array, self._heaps, where) if kind.is_variable_str() else 0
         self._count(size, where)

@@ -5,8 +5,6 @@ of variables_record.txt, variables_truth.txt and variables_result.txt (see `_row
 of a summary, one an input and method, stand at the root of its file and under ``summary/`` here.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -124,11 +122,11 @@ def attributes(key: str) -> dict[str, Any]:
 def dataset(
     group: str, values: Mapping[str, Any], coordinates: Mapping[str, Any] = MappingProxyType({}),
     extra: Mapping[str, tuple[str, str]] = MappingProxyType({}), dims: tuple[str, ...] = (),
-) -> xr.Dataset:  # fmt: skip
+) -> "xr.Dataset":  # fmt: skip
     """A group of a file, units and meanings from the table or from `extra`, whose values have the dimensions `dims`."""
     import xarray as xr
 
-    def entry(name: str, value: Any) -> xr.Variable:
+    def entry(name: str, value: Any) -> "xr.Variable":
         text = isinstance(value, str) or (isinstance(value, list) and bool(value) and isinstance(value[0], str))
         data = np.asarray(value, dtype=object if text else None)
         if name in extra:

@@ -4,8 +4,6 @@ Made in memory with checksums on every array, written under a temporary name in 
 compared, and only then given its name: a full disk, a kill or a fault of the library leaves the folder as it was.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets
@@ -37,7 +35,7 @@ _TEXTS, _SCALAR = h5t.py_create(_TEXT.dtype, logical=True), h5s.create(h5s.SCALA
 _BLOCK = 1 << 22  # bytes
 
 
-def write(tree: xr.DataTree, path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
+def write(tree: "xr.DataTree", path: str | os.PathLike[str], *, overwrite: bool = False, owner: str = "") -> None:
     """Write a record, truth or result; what it means is not looked at: that is `check`.
 
     Parameters

@@ -1,7 +1,5 @@
 """The result of a record as a DataTree of the layout "isochrony-result": gravity, or the period of a single trace."""
 
-from __future__ import annotations
-
 import json
 import time as clock
 from collections.abc import Mapping, Sequence
@@ -46,7 +44,7 @@ _TEXTS = {"requested": "requested", "resolved": "method", "error": "error", "cho
 
 def build_result(
     record: DataTree, contents: Contents, prepared: Prepared, own: Prepared | None, reductions: Sequence[Reduction],
-    joint: Joint | None, *, full: bool, bare: bool, started: float,
+    joint: "Joint | None", *, full: bool, bare: bool, started: float,
 ) -> DataTree:  # fmt: skip
     """Lay out gravity, phases, corrections, course, residual and provenance.
 
@@ -91,7 +89,7 @@ def build_result(
 
 
 def _difference(
-    record: DataTree, prepared: Prepared, joint: Joint | None, time: Floats
+    record: DataTree, prepared: Prepared, joint: "Joint | None", time: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """The difference as it was read, as it is fitted, and what is left, at the record's own times."""
     stored, seen = record["record"].dataset.variables, prepared.observation

@@ -1,7 +1,5 @@
 """A result as a person asks for it: dictionaries, one for each method, and `result.isochrony` on xarray's tree."""
 
-from __future__ import annotations
-
 import html
 import math
 from collections.abc import Callable
@@ -150,7 +148,7 @@ class Isochrony:
         """One row for each method; further results can be put beneath it with `pandas.concat`."""
         return pd.DataFrame(self.summary()).set_index(["record_id", "method"])
 
-    def plot(self, *, true_gravity: float | None = None) -> Figure:
+    def plot(self, *, true_gravity: float | None = None) -> "Figure":
         """The picture of `isochrony plot`."""
         from pipeline.plots.result import result_figure
 

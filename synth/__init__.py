@@ -4,8 +4,6 @@
 photographic film. `scenes`, `scene_path`, `films` and `load_film` give what ships with the package.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,7 +59,7 @@ def films() -> tuple[str, ...]:
     return tuple(sorted(each.stem for each in _FILMS.glob("*.toml")))
 
 
-def load_film(name: str) -> Film:
+def load_film(name: str) -> "Film":
     """Read a shipped film by its name, or a TOML file with its keys (or with a section `film`, as a scene has).
 
     `SceneError` in one line if no such film ships, or the file has faults.

@@ -4,8 +4,6 @@ A member depends on the ensemble's seed and its own number only, and each varied
 Processes are started afresh, not forked: a fork copies the threads' locks but not the threads.
 """
 
-from __future__ import annotations
-
 import csv
 import difflib
 import io
@@ -139,8 +137,8 @@ class Member(NamedTuple):
     """One member of an ensemble, simulated."""
 
     number: int  # Counted from 1
-    record: xr.DataTree
-    truth: xr.DataTree  # As `simulate` gives them; the truth's attribute ``scene`` is the member's own scene
+    record: "xr.DataTree"
+    truth: "xr.DataTree"  # As `simulate` gives them; the truth's attribute ``scene`` is the member's own scene
 
 
 def simulate_ensemble(

@@ -1,7 +1,5 @@
 """What a scene needs (motion, answer of each pendulum, moments), and its evaluation in chunks to be written."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Callable, Iterator
@@ -45,13 +43,13 @@ class Plan:
     """Linear answer of each pendulum; none on a support that yields, or where a pendulum creeps."""
     times: EvenTimes | UnevenTimes  # When
     choice: Choice  # By what, and why
-    assembly: Callable[[], Assembly]
+    assembly: "Callable[[], Assembly]"
     """Builds the equations of motion, for general integrators only: it imports the compiler. Once built, they stay."""
     kicks: Kicks | None  # Random impulses, and what is done by hand
     gravity_change: HarmonicSum | None  # What is added to the scene's gravity over time, m/s^2
     mean_change: float  # Its mean over the record, m/s^2
     pitch: HarmonicSum | None  # Tilt of the case in the plane of swing, rad
-    planes: tuple[Plan, ...] = ()  # Of each pendulum alone, where their planes of swing are not parallel
+    planes: "tuple[Plan, ...]" = ()  # Of each pendulum alone, where their planes of swing are not parallel
 
     @property
     def propagator(self) -> str:
@@ -92,7 +90,7 @@ def plan(scene: Scene, clock: Clock) -> Plan:
     impulses = kicks(scene, max(frequencies), clock.times)
 
     @functools.cache
-    def assembly() -> Assembly:
+    def assembly() -> "Assembly":
         from synth.assembly import assemble
 
         try:

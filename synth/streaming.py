@@ -1,7 +1,5 @@
 """From a scene to a record and its truth: in memory, or straight to files, chunk by chunk."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -55,7 +53,7 @@ def joined(chunks: Sequence[Contents]) -> Contents:
     }
 
 
-def simulate(scene: Scene) -> tuple[xr.DataTree, xr.DataTree]:
+def simulate(scene: Scene) -> "tuple[xr.DataTree, xr.DataTree]":
     """Simulate a scene; the same scene gives the same bits.
 
     Linear pendulums on a support that moves as a sum of harmonics have a solution in closed form, right to 1e-15 of the

@@ -4,8 +4,6 @@ Every thread of a worker keeps an isolated process of its own, so that a record 
 never ends the worker: dask would lay its death to the charge of whatever else was there.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import queue
 import threading
@@ -117,7 +115,7 @@ def _process_isolated(path: Path, config: Config, methods: tuple[str, ...], time
     return child.run(path, config)
 
 
-def _outcome(future: Future, config: Config) -> Outcome:
+def _outcome(future: "Future", config: Config) -> Outcome:
     try:
         found: Outcome = future.result()
     except Exception as error:  # the worker was lost, or cannot import us: this record's outcome, the batch goes on

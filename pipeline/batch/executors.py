@@ -6,8 +6,6 @@ silence, is that record's outcome. Each has a pool to itself: a process that is 
 then spoil no other's. Before its first record it is confined.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import gc
@@ -163,7 +161,7 @@ def warm(methods: Sequence[str], parent: int | None = None) -> None:
     gc.freeze()
 
 
-def small_record(count: int = 2250) -> DataTree:
+def small_record(count: int = 2250) -> "DataTree":
     """Two free pendulums, `count` readings at 25 Hz; a minute and a half is the least that every method takes."""
     from xarray import Dataset
 

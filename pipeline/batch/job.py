@@ -1,7 +1,5 @@
 """One input of a batch: what is to be done with it, doing it, and what became of it, which is told and never raised."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os
@@ -38,7 +36,7 @@ class Kind:
 
     name: str  # as told to the user
     endings: tuple[str, ...]  # of its files' names
-    record: Callable[[Path, Config, Allow], DataTree]  # a function of a module, so that another process finds it
+    record: "Callable[[Path, Config, Allow], DataTree]"  # a function of a module, so that another process finds it
     searched: bool = True  # whether folders are searched for it
     beside: Callable[[Path], Path] | None = None
     """Path of a file that is read with an input, where there is one: its change changes the input."""
@@ -134,7 +132,7 @@ def input_sha256(path: Path, kind: Kind) -> str:
     return hashlib.sha256(f"{digest} {file_sha256(beside)}".encode()).hexdigest()
 
 
-def _made(path: Path, config: Config, digest: str, record: DataTree) -> Outcome:
+def _made(path: Path, config: Config, digest: str, record: "DataTree") -> Outcome:
     from pipeline.processing import process
     from pipeline.summary import summaries
 
@@ -153,7 +151,7 @@ def _made(path: Path, config: Config, digest: str, record: DataTree) -> Outcome:
     return Outcome(config.key, "ok", None, None, digest, file_sha256(config.output), kept)
 
 
-def _write(result: DataTree, config: Config) -> None:
+def _write(result: "DataTree", config: Config) -> None:
     folder = config.output.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)

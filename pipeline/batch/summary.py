@@ -1,7 +1,5 @@
 """One table of all results of a batch, as CSV and as netCDF: the same bytes however the batch came about."""
 
-from __future__ import annotations
-
 import csv
 import io
 import sys
@@ -71,7 +69,7 @@ def _rows(path: Path, config: Config, ledger: Index) -> list[dict[str, Any]]:
     return [shared | {"output": config.key} | row for row in line["rows"]]
 
 
-def tree_of(columns: Mapping[str, Any]) -> DataTree:
+def tree_of(columns: Mapping[str, Any]) -> "DataTree":
     """The table as it is written; keys of scenes that a sweep set have columns called ``sweep KEY``."""
     from xarray import Dataset, DataTree
 

@@ -1,7 +1,5 @@
 """`isochrony batch`: kinds of input, jobs from the words of the command line, what is told of them."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
@@ -42,12 +40,12 @@ _LONGEST = 4096  # letters of a path
 _TIFF = (".tif", ".tiff")
 
 
-def read_record(path: Path, _config: Config, allow: Allow) -> DataTree:
+def read_record(path: Path, _config: Config, allow: Allow) -> "DataTree":
     """A record file: looked over, then read."""
     return data_schemas.read(path, declared=allow)
 
 
-def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
+def simulate_scene(path: Path, config: Config, allow: Allow) -> "DataTree":
     """A scene, or a member of it: simulated, its truth forgotten."""
     scene = data_schemas.load_scene(path, allow_paths=config.allow_paths)
     if config.member:
@@ -57,7 +55,7 @@ def simulate_scene(path: Path, config: Config, allow: Allow) -> DataTree:
     return record
 
 
-def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
+def member_of(scene: "Scene", number: int, variant: Variant) -> "Scene":
     """One point of a grid, with a seed of its own; `SceneError` for a key that the scene has not, or a bad value."""
     from synth.ensemble import member, member_scenes
 
@@ -66,7 +64,7 @@ def member_of(scene: Scene, number: int, variant: Variant) -> Scene:
     return member(scene, number, vary=vary)
 
 
-def digitise_film(path: Path, _config: Config, allow: Allow) -> DataTree:
+def digitise_film(path: Path, _config: Config, allow: Allow) -> "DataTree":
     """The scan of a film: read by what stands in NAME.film.toml beside it."""
     from pipeline.film.digitise import digitise
 

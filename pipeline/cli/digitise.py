@@ -1,7 +1,5 @@
 """`isochrony digitise`: images of films become records."""
 
-from __future__ import annotations
-
 import argparse
 import importlib.util
 import os
@@ -136,7 +134,7 @@ def _show(row: dict[str, Any], *, as_json: bool) -> None:
         print(f"{row['output']}: {told}, {part}, {row['reading']}; {flags}", flush=True)
 
 
-def film_options(options: argparse.Namespace) -> FilmOptions:
+def film_options(options: argparse.Namespace) -> "FilmOptions":
     """What the options say of the film, as the reader and `make_record` take it."""
     from pipeline.film.knowledge import FilmOptions
 
@@ -148,7 +146,7 @@ def film_options(options: argparse.Namespace) -> FilmOptions:
     return FilmOptions(traces=tuple(options.trace), combinations=combinations, periods=labelled, **given)
 
 
-def description(options: argparse.Namespace) -> FilmDescription | None:
+def description(options: argparse.Namespace) -> "FilmDescription | None":
     """The description named on the command line, None where none is: then the one beside the film counts."""
     if options.description is None:
         return None
@@ -166,7 +164,7 @@ def edits_of(film: Path, name: str | None) -> Path | None:
 
 def read_film(
     film: Sequence[Path], options: argparse.Namespace, rows: tuple[int, int | None] | None = None
-) -> tuple[Reading, Known]:
+) -> "tuple[Reading, Known]":
     """Read a film, or some of its rows, as the options say, with a progress bar."""
     from pipeline.film.digitise import read
 

@@ -3,8 +3,6 @@
 An orderly end when the system asks for one (SIGTERM), as after Ctrl-C: nothing half-written stays.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -52,7 +50,7 @@ def exit_status(good: int, total: int) -> int:
     return 0 if good == total else 1 if good else 3
 
 
-def read_checked(path: Path, kind: Kind) -> DataTree:
+def read_checked(path: Path, kind: "Kind") -> "DataTree":
     """Read a file of a kind; `FileError`: it cannot be read; `RecordError`: another kind, or a broken layout."""
     tree = data_schemas.read(path)
     if REWRITTEN in tree.attrs:
@@ -163,7 +161,7 @@ def orderly() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def store(tree: DataTree, output: Path, *, force: bool) -> None:
+def store(tree: "DataTree", output: Path, *, force: bool) -> None:
     """Write a tree into a folder that is made for it if need be."""
     make_folder(output)
     data_schemas.write(tree, output, overwrite=force)

@@ -1,7 +1,5 @@
 """`isochrony plot`: a record, a result or a film as a picture."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 from pathlib import Path
@@ -40,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def _tree(path: Path, options: argparse.Namespace) -> Figure:
+def _tree(path: Path, options: argparse.Namespace) -> "Figure":
     """Draw a record or a result."""
     from pipeline.plots.result import period_figure, record_figure, result_figure, synchrony_figure
 
@@ -62,7 +60,7 @@ def _tree(path: Path, options: argparse.Namespace) -> Figure:
     return result_figure(tree, true_gravity=None if truth is None else float(truth["truth"]["gravity"]))
 
 
-def _film(path: Path, options: argparse.Namespace) -> tuple[Figure, int]:
+def _film(path: Path, options: argparse.Namespace) -> "tuple[Figure, int]":
     """Read a film and draw it; of a film that cannot be read the image alone, with the reason."""
     from pipeline.film.digitise import open_film
     from pipeline.plots.film import film_figure, unread_figure

@@ -1,7 +1,5 @@
 """`isochrony simulate`: a scene becomes a record and its truth; `isochrony expose`: either becomes a film."""
 
-from __future__ import annotations
-
 import argparse
 import glob
 import math
@@ -56,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | None) -> int:
+def _ensemble(options: argparse.Namespace, scene: "Scene", path: Path, out: str | None) -> int:
     """Simulate all members that are not there yet."""
     name = stem(path)
     folder = Path(out) if out is not None else path.with_name(f"{name}.ensemble")
@@ -74,7 +72,7 @@ def _ensemble(options: argparse.Namespace, scene: Scene, path: Path, out: str | 
     return 0
 
 
-def _scene(path: Path, options: argparse.Namespace) -> Scene:
+def _scene(path: Path, options: argparse.Namespace) -> "Scene":
     """The scene, with what the options say instead."""
     scene = data_schemas.load_scene(path, allow_paths=options.allow_paths)
     if options.seed is not None:
@@ -112,7 +110,7 @@ def shipped(name: str, is_there: Callable[[str], bool] = os.path.isfile) -> Path
     return path if is_path else Path(synth.scene_path(name))
 
 
-def print_explanation(scene: Scene, *, as_json: bool) -> None:
+def print_explanation(scene: "Scene", *, as_json: bool) -> None:
     """Print terms, propagator, why and expected error; nothing is simulated or written."""
     from synth.explanation import explain
 

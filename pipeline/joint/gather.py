@@ -1,7 +1,5 @@
 """A record as the joint reduction takes it: every trace as it was read, what is stated of the instrument."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -56,11 +54,11 @@ class Gathered:
     tilts: bool  # Whether elongations are measured from a case whose tilt is not recorded
     film: bool  # Whether the traces were read from a film, whose spots and optics err with the swing
     shown: tuple[float, float]  # The swing's period between a film's marks, s, and its 1 sigma; NaN where not told
-    denser: Callable[[], Gathered]
+    denser: "Callable[[], Gathered]"
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 
 
-def gather(record: DataTree, *, calm: bool = True) -> Gathered:
+def gather(record: "DataTree", *, calm: bool = True) -> Gathered:
     """Lay a record out; unless it is calm, with as many nodes as readings. RecordError where period or gravity is
     missing or no trace has a reading, RefusedError where the record is too short."""
     stored = record["record"].dataset
@@ -151,7 +149,7 @@ def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     )  # fmt: skip
 
 
-def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict[str, Any]) -> None:
+def _of_single_traces(record: "DataTree", traces: tuple[str, ...], constants: dict[str, Any]) -> None:
     """Constants of single traces in the record's order; RecordError where the instrument does not name them all."""
     stored = record["instrument"].dataset
     labels = [str(label) for label in stored["trace"].values] if "trace" in stored else []
@@ -164,7 +162,7 @@ def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict
 
 
 def _from_the_vertical(
-    record: DataTree, time: Floats, series: Floats, combination: Floats
+    record: "DataTree", time: Floats, series: Floats, combination: Floats
 ) -> tuple[Floats, Floats, bool]:
     """Traces, (t, n), measured from the vertical where the tilt of the case is recorded; the noise that this adds to
     each, (t,); and whether the tilt is not known, so that the horizontal acceleration in the earth's frame must tell it
@@ -209,7 +207,7 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
 
 
-def _shown(record: DataTree) -> tuple[float, float]:
+def _shown(record: "DataTree") -> tuple[float, float]:
     """The period of the swing, s, that a film shows between its marks, and its 1 sigma; NaN where it tells none."""
     stated = record["film"].attrs if "film" in record.children else {}
     try:
@@ -219,7 +217,7 @@ def _shown(record: DataTree) -> tuple[float, float]:
     return period, sigma
 
 
-def _of_film(record: DataTree, time: Floats, lattice: Lattice) -> tuple[float, float, tuple[float, ...], Floats]:
+def _of_film(record: "DataTree", time: Floats, lattice: Lattice) -> tuple[float, float, tuple[float, ...], Floats]:
     """1 sigma of a film's times, s; the marks' own noise, s3/2; times of steps of the paper, s since the first node;
     the mean speed over that at each reading, which is slower where delays are longer; empty where it is not stated."""
     stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs

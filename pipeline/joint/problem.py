@@ -1,7 +1,5 @@
 """A record as one problem: readings on the lattice, what is known, what is assumed; one pass over a stretch of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -58,7 +56,7 @@ class Problem:
     kappa: Floats
     damping: Floats  # (p,) n^2 at reference gravity, s-2; stated damping rates, s-1
     left_out: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (r,) readings that are not used
-    heave: CubicSpline | None = None
+    heave: "CubicSpline | None" = None
     """Recorded heave over reference gravity by s since the first node; none: not recorded, or a reading."""
     track: Floats = field(default_factory=lambda: np.zeros((0, POINTS)))
     """(k, 4) known change of gravity along the track, from its mean, over reference gravity, at nodes; may be empty."""
@@ -129,7 +127,7 @@ class Problem:
         """Whether vertical motion acts under a law, and no recording says how."""
         return sine and self.heave is None
 
-    def reading(self, value: Floats) -> Problem:
+    def reading(self, value: Floats) -> "Problem":
         """The same with other values of the readings, (r,)."""
         return replace(self, lattice=replace(self.lattice, value=value))
 

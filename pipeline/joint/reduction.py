@@ -1,7 +1,5 @@
 """`joint` among the methods: its outcome as an estimate with ledger and flags, its path as the harmonics' source."""
 
-from __future__ import annotations
-
 import time as clock
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -100,7 +98,7 @@ class Joint:
         return out
 
 
-def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
+def reduce_jointly(record: "DataTree", pair: str | None, gain_uncertainty: float) -> Joint:
     """Fit the joint model to a record; RecordError, RefusedError, UsageError as `pipeline.process`."""
     started = clock.perf_counter()
     gathered = gather(record)
@@ -138,7 +136,7 @@ def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) 
     return Joint(reduction, prepared, outcome, (one, second))
 
 
-def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict[str, tuple[float, float, str]]:
+def _tilt(record: "DataTree", gathered: Gathered, fit: Fitted, first: int) -> dict[str, tuple[float, float, str]]:
     """The ledger's entry of a case from which the record measures."""
     stored, lattice = record["record"].dataset, fit.model.problem.lattice
     if gathered.tilts:
@@ -154,7 +152,7 @@ def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict
     return {CASE_TILT.NAME: (value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}
 
 
-def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:
+def _prepared(record: "DataTree", fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:
     """The smoothed path of a pair of pendulums as an observation like any other."""
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     parts = int(np.ceil(lattice.step * problem.swing / MOST_TURN))

@@ -6,8 +6,6 @@ Re sum conj(g) dD`, g its influence. That holds through zero amplitude, with gap
 averages of a phase speed do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -58,12 +56,12 @@ class Correction:
     SOURCE: str  # of the formula
     NEEDS: tuple[str, ...]  # variables of /instrument without which it is listed as not applied
     USES: tuple[str, ...]  # further ones that it may use, the uncertainties of NEEDS apart
-    change: Callable[[Case, float], Change]
+    change: "Callable[[Case, float], Change]"
 
 
 def correction(
     name: str, formula: str, source: str, needs: tuple[str, ...] = (), *, uses: tuple[str, ...] = ()
-) -> Callable[[Callable[[Case, float], Change]], Correction]:
+) -> "Callable[[Callable[[Case, float], Change]], Correction]":
     """Make a correction of the function that follows."""
     return lambda change: Correction(name, formula, source, needs, uses, change)
 
@@ -80,7 +78,7 @@ class Case:
     by_period: float  # the same of the reference period: 2 g
 
     @cached_property
-    def shares(self) -> Shares:
+    def shares(self) -> "Shares":
         """Parts of the estimate's own correction; gravity does not need them."""
         return shares(self.estimate, self.prepared)
 

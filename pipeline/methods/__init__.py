@@ -5,8 +5,6 @@ at once (`pipeline.joint`), and `auto` is `joint`, or the period of a single tra
 by entry points of the group "isochrony.methods", whose objects are such functions.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The sheet every figure is drawn on: size, type, colours, heading, writing it to a file; time series kept readable."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib.util
 import os
@@ -38,12 +36,12 @@ def color_of(number: int) -> str:
     return PALETTE[number % len(PALETTE)]
 
 
-def record_of(tree: DataTree) -> str:
+def record_of(tree: "DataTree") -> str:
     """Name the record in a heading."""
     return f"record {tree.attrs.get('record_id', 'without a name')}"
 
 
-def values(tree: DataTree, group: str, name: str) -> Floats:
+def values(tree: "DataTree", group: str, name: str) -> Floats:
     """Values of a variable of a group."""
     return np.asarray(tree[group].dataset[name].values, dtype=np.float64)
 
@@ -59,7 +57,7 @@ def require_matplotlib() -> None:
         raise UsageError("plotting needs matplotlib, which is not installed; pip install 'isochrony[plot]'")
 
 
-def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
+def sheet(title: str, subtitle: str, width: float, height: float) -> "Figure":
     """Make an empty figure, width by height inches, with its heading: what it shows, and of which record."""
     require_matplotlib()
     from matplotlib import rc_context
@@ -79,7 +77,7 @@ def sheet(title: str, subtitle: str, width: float, height: float) -> Figure:
     return figure
 
 
-def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = "", **settings: Any) -> Axes:
+def panel(figure: "Figure", place: Any, title: str, across: str = "", up: str = "", **settings: Any) -> "Axes":
     """Add one panel in a cell of a grid of the figure: heading, labels of both axes with their units."""
     from matplotlib import rc_context
 
@@ -89,18 +87,18 @@ def panel(figure: Figure, place: Any, title: str, across: str = "", up: str = ""
     return axes
 
 
-def legend(axes: Axes, **settings: Any) -> None:
+def legend(axes: "Axes", **settings: Any) -> None:
     """Add the legend in the sheet's style, on white so that grid and lines do not run through its words."""
     axes.legend(fontsize=8.5, frameon=True, framealpha=0.85, edgecolor="none", **settings)
 
 
-def note(axes: Axes, text: str) -> None:
+def note(axes: "Axes", text: str) -> None:
     """Write a remark in the middle of a panel that has nothing to show."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
     axes.set(xticks=[], yticks=[])
 
 
-def save(figure: Figure, path: str | os.PathLike[str]) -> None:
+def save(figure: "Figure", path: str | os.PathLike[str]) -> None:
     """Write the figure as PNG, under a temporary name first: nothing half-written stays; `FileError` where it fails."""
     from matplotlib.text import Text
 
@@ -144,14 +142,14 @@ def time_scale(longest: float) -> tuple[float, str]:
     return (1.0 / 60.0, "min") if longest <= 4 * 3600.0 else (1.0 / 3600.0, "h")
 
 
-def over_time(axes: Axes, time: Floats, up: str) -> Floats:
+def over_time(axes: "Axes", time: Floats, up: str) -> Floats:
     """Label both axes of a panel over the time from the start, s; return that time in the unit that suits."""
     factor, unit = time_scale(float(time[-1]))
     axes.set(xlim=(0.0, time[-1] * factor), xlabel=f"time from the start, {unit}", ylabel=up)
     return np.asarray(time * factor)
 
 
-def draw_band(axes: Axes, time: Floats, values: Floats, *, color: str, label: str) -> None:
+def draw_band(axes: "Axes", time: Floats, values: Floats, *, color: str, label: str) -> None:
     """Fill from least to greatest of each pixel column, gaps apart: thousands of swings would be a solid block."""
     if time.size <= 2 * _BINS:
         axes.plot(time, values, color=color, label=label, linewidth=0.8)

@@ -1,7 +1,5 @@
 """A record as it was read, and its result: amplitudes, gravity by method and along the record, residual, spectrum."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +23,7 @@ _MARKS = ("in phase", "quadrature", "antiphase", "quadrature")  # of each quarte
 _LEAST_REACH = 0.3  # turns either side: so that a named angle is always in sight
 
 
-def record_figure(record: DataTree) -> Figure:
+def record_figure(record: DataTree) -> "Figure":
     """Draw each trace of a valid record in a row: the whole at the left, twenty seconds at the right."""
     time, traces = _seconds(record), values(record, "record", "elongation")
     missing, step = 100.0 * float(np.isnan(traces).mean()), float(np.median(np.diff(time)))
@@ -39,13 +37,13 @@ def record_figure(record: DataTree) -> Figure:
     return figure
 
 
-def draw_whole(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
+def draw_whole(axes: "Axes", time: Floats, trace: Floats, color: str) -> None:
     """Draw one trace from end to end, with its missing stretches open and both labels."""
     angle, unit = angle_scale(float(np.nanmax(np.abs(trace), initial=0.0)))
     draw_band(axes, over_time(axes, time, f"elongation, {unit}"), trace * angle, color=color, label="")
 
 
-def _draw_zoom(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
+def _draw_zoom(axes: "Axes", time: Floats, trace: Floats, color: str) -> None:
     start = max(0.0, 0.5 * time[-1] - 0.5 * _ZOOM)
     shown = (time >= start) & (time <= start + _ZOOM)
     angle, unit = angle_scale(float(np.nanmax(np.abs(trace), initial=0.0)))
@@ -59,7 +57,7 @@ def _draw_zoom(axes: Axes, time: Floats, trace: Floats, color: str) -> None:
     axes.set_xlim(0.0, min(_ZOOM, float(time[-1])))
 
 
-def result_figure(result: DataTree, *, true_gravity: float | None = None) -> Figure:
+def result_figure(result: DataTree, *, true_gravity: float | None = None) -> "Figure":
     """Draw a result with the group `gravity`; the methods' errors are counted from the true one, m s-2, if given."""
     more = "difference" in result.children
     figure = sheet("Gravity from the difference pendulum", subtitle(result), 11.0, 11.0 if more else 8.2)
@@ -94,7 +92,7 @@ def best_method(result: DataTree) -> str | None:
     return next((name for name in (*BEST_FIRST, *labels) if np.isfinite(given.get(name, np.nan))), None)
 
 
-def draw_amplitudes(axes: Axes, result: DataTree) -> None:
+def draw_amplitudes(axes: "Axes", result: DataTree) -> None:
     """Draw the amplitude of every component against time."""
     if "phases" not in result.children:
         note(axes, "the result holds no phases")
@@ -111,7 +109,7 @@ def draw_amplitudes(axes: Axes, result: DataTree) -> None:
     legend(axes, loc="upper center", ncols=3)
 
 
-def draw_track(axes: Axes, result: DataTree) -> None:
+def draw_track(axes: "Axes", result: DataTree) -> None:
     """Draw the difference's phase speed as the gravity it stands for, before and after its correction, and the band."""
     best = best_method(result)
     if best is None or "correction" not in result.children or "corrected_gravity" not in result["correction"].dataset:
@@ -148,7 +146,7 @@ def draw_track(axes: Axes, result: DataTree) -> None:
     legend(axes, loc="upper right", ncols=3)
 
 
-def draw_residual(axes: Axes, result: DataTree) -> None:
+def draw_residual(axes: "Axes", result: DataTree) -> None:
     """Draw what the fit leaves of the difference at the record's own times."""
     time, residual = (values(result, "difference", name) for name in ("record_time", "residual"))
     if not np.isfinite(residual).any():
@@ -161,7 +159,7 @@ def draw_residual(axes: Axes, result: DataTree) -> None:
     legend(axes, loc="upper right")
 
 
-def draw_spectrum(axes: Axes, result: DataTree) -> None:
+def draw_spectrum(axes: "Axes", result: DataTree) -> None:
     """Draw the residual's power spectral density, and where the pendulum swings."""
     frequency, density = (values(result, "spectrum", name)[1:] for name in ("frequency", "residual_spectrum"))
     if not density.size or not density.max() > 0.0:
@@ -176,7 +174,7 @@ def draw_spectrum(axes: Axes, result: DataTree) -> None:
     axes.set(xlabel="frequency, Hz", ylabel="power density, rad²/Hz")
 
 
-def draw_gravity(axes: Axes, result: DataTree, true_gravity: float | None) -> None:
+def draw_gravity(axes: "Axes", result: DataTree, true_gravity: float | None) -> None:
     """Draw each method's gravity with its sigma, from truth or from the best method, with the numbers."""
     best = best_method(result)
     if best is None:
@@ -223,7 +221,7 @@ def _seconds(tree: DataTree) -> Floats:
     return np.asarray(time - time[0])
 
 
-def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figure:
+def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> "Figure":
     """Draw a record and its result on one sheet; the methods' errors are counted from the true gravity, m s-2."""
     time, traces = _seconds(record), values(record, "record", "elongation")
     figure = sheet("From a ship's record to gravity", subtitle(result), 12.0, 10.0)
@@ -238,7 +236,7 @@ def demo_figure(record: DataTree, result: DataTree, true_gravity: float) -> Figu
     return figure
 
 
-def period_figure(result: DataTree) -> Figure:
+def period_figure(result: DataTree) -> "Figure":
     """Draw a result with the group `period`: period against amplitude above, what the law leaves of it below."""
     table = result.children["period"].to_dataset(inherit=False)
     period, sigma = float(table["period"]), float(table["period_sigma"])
@@ -260,7 +258,7 @@ def period_figure(result: DataTree) -> Figure:
     return figure
 
 
-def _draw_remainder(axes: Axes, table: Dataset, period: float, reach: float) -> None:
+def _draw_remainder(axes: "Axes", table: Dataset, period: float, reach: float) -> None:
     amplitude, cycles = table["amplitude"].values, table["cycle_period"].values
     scales = {"amplitude as recorded": (1.0, canvas.GREY)}
     if "amplitude_scale" in table and "amplitude-scale" in table["flag"].values:
@@ -283,7 +281,7 @@ def _draw_remainder(axes: Axes, table: Dataset, period: float, reach: float) -> 
     legend(axes, loc="lower right", ncols=2)
 
 
-def synchrony_figure(result: DataTree) -> Figure:
+def synchrony_figure(result: DataTree) -> "Figure":
     """Draw a result with the group `synchrony`: phase differences in turns, verdicts, amplitudes, Allan deviations."""
     table = result["synchrony"].dataset
     time = values(result, "/", "time")
@@ -305,7 +303,7 @@ def synchrony_figure(result: DataTree) -> Figure:
     return figure
 
 
-def _differences(axes: Axes, time: np.ndarray, table: Dataset) -> None:
+def _differences(axes: "Axes", time: np.ndarray, table: Dataset) -> None:
     turns = table["phase_difference"].values / (2.0 * np.pi)
     for k, pair in enumerate(str(each) for each in table["pair"].values):
         color, shown = canvas.color_of(k), turns[k] - np.floor(np.nanmin(turns[k]))

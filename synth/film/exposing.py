@@ -1,7 +1,5 @@
 """From a record or a scene to a film in three files: the image, what an observer knows of it, and its truth."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Callable, Iterator
@@ -53,9 +51,9 @@ def film_truth_path(film: str | os.PathLike[str]) -> Path:
 
 
 def expose(
-    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    source: "xr.DataTree | Scene", film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
-) -> xr.DataTree:  # fmt: skip
+) -> "xr.DataTree":  # fmt: skip
     """Expose a film to a record or a scene, develop and scan it; returns its truth.
 
     Three files are made: the image (BigTIFF in strips of 1024 rows, along the film), NAME.film.toml, what an observer
@@ -103,7 +101,7 @@ def expose(
 
 
 def expose_to(
-    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    source: "xr.DataTree | Scene", film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
 ) -> Exposed:  # fmt: skip
     """As `expose`, strip by strip: the truth is not read back. What grows with the film are its samples and marks."""

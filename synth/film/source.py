@@ -1,7 +1,5 @@
 """What is exposed: the elongations of a record, or of a scene without its recording's noise and defects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -47,7 +45,7 @@ class Source:
     scene: Scene | None
 
 
-def source_of(given: xr.DataTree | Scene) -> Source:
+def source_of(given: "xr.DataTree | Scene") -> Source:
     """Make a source of a record or a scene; `SceneError` as `synth.simulate`.
 
     `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve.

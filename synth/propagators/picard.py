@@ -15,8 +15,6 @@ Propagator and state (y, y'/n) are two doubles each; hence 1e-15 to 1e-14 of the
 intervals that iteration or the nodes cannot manage is taken again in intervals half as long.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
@@ -110,7 +108,7 @@ class PicardPlan:
         speed = self.starts[:, 1] - (1j * w * steady).real.sum(axis=1)
         return angle, speed / self.frequencies
 
-    def shadowed(self) -> PicardPlan:
+    def shadowed(self) -> "PicardPlan":
         """Every pendulum twice."""
         frequencies, damping_rates = np.tile(self.frequencies, 2), np.tile(self.damping_rates, 2)
         return replace(self, frequencies=frequencies, damping_rates=damping_rates, starts=np.tile(self.starts, (2, 1)))
@@ -172,7 +170,7 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
 
 
 def _stride(
-    level: Level, first: int, count: int, state: Floats, remainder: Floats, estimate: Estimate
+    level: Level, first: int, count: int, state: Floats, remainder: Floats, estimate: "Estimate"
 ) -> Floats | None:
     """March `count` intervals; state, remainder and estimate move on. Return theta, or none if it went wrong."""
     forcing = level.forcing(first, count)
@@ -221,7 +219,7 @@ class Estimate:
         self._turned = np.zeros(pendulums)  # n t
         self._nudge, self._growth = np.zeros(pendulums), np.ones(pendulums)
 
-    def shadowed(self, other: Estimate) -> Estimate:
+    def shadowed(self, other: "Estimate") -> "Estimate":
         """From here on with shadows; their nudge is a share of the largest angle that `other` saw."""
         result = copy(self)
         result._amplitude = np.tile(self._amplitude, 2)

@@ -4,8 +4,6 @@ Many intervals make one block of moments (see `blocks`); a long table comes by F
 short pattern among intervals, uneven ones are looked up.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -73,7 +71,7 @@ class Readings:
     times."""
 
     @classmethod
-    def among(cls, times: EvenTimes | UnevenTimes, longest: float) -> Readings:
+    def among(cls, times: EvenTimes | UnevenTimes, longest: float) -> "Readings":
         """Choose the longest intervals, at most `longest` seconds of true time, that fit the readings."""
         if isinstance(times, UnevenTimes):
             return cls(times, Fraction(math.ldexp(1.0, math.frexp(longest / float(times.scale))[1] - 1)))
@@ -90,7 +88,7 @@ class Readings:
         """How many intervals hold all readings."""
         return int(self._weights(slice(self.times.count - 1, self.times.count))[0][0]) + 1 if self.times.count else 0
 
-    def halved(self) -> Readings:
+    def halved(self) -> "Readings":
         """The same readings among intervals half as long."""
         return Readings(self.times, self.length / 2)
 
@@ -129,7 +127,7 @@ class Readings:
 class Level:
     """One length of intervals: forcing, weights and readings of a plan, of whose pendulums the first are `shown`."""
 
-    def __init__(self, plan: PicardPlan, readings: Readings, shown: int) -> None:
+    def __init__(self, plan: "PicardPlan", readings: Readings, shown: int) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
         self.readings = readings
         self.most = blocks * GROUP

@@ -78,10 +78,12 @@ def _whole_time(values):
 
     def apply(tree):
         root, short = tree.to_dataset(), len(values)
-        recorded = tree["record"].to_dataset(inherit=False).isel(time=slice(short))
-        del tree["record"]
+        along = {name: tree[name].to_dataset(inherit=False).isel(time=slice(short)) for name in ("record", "film")}
+        for name in along:
+            del tree[name]
         tree.dataset = _time(values)(root.drop_vars("time").assign_coords(time=("time", values, root["time"].attrs)))
-        tree["record"] = xr.DataTree(recorded)
+        for name, cut in along.items():
+            tree[name] = xr.DataTree(cut)
 
     return apply
 

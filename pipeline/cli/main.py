@@ -59,6 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.ENOSPC:  # files of ours tell of themselves
             return _say(f"stdout cannot be written, {fault.strerror}; free space, or send it elsewhere", 3, fault)
+        earlier: BaseException | None = fault
+        while earlier is not None:  # what was interrupted may fail to clean up
+            earlier = earlier.__context__
+            if isinstance(earlier, KeyboardInterrupt):
+                return _say("interrupted", 130, fault)
         hint = "please report; run with ISOCHRONY_TRACEBACK=1 for the traceback"
         return _say(f"internal error: {type(fault).__name__}: {fault} ({hint})", 70, fault)
 

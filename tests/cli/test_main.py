@@ -124,6 +124,18 @@ def test_every_fault_has_its_status_and_one_line(run, monkeypatch, fault, status
     assert ("interrupted" if fault is KeyboardInterrupt else "first line second line") in outcome.fault
 
 
+def test_an_interrupt_after_which_nothing_can_be_closed_is_one(run, monkeypatch):
+    def end(_):
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise RuntimeError("cannot close")
+
+    monkeypatch.setattr(small, "schema", end)
+    outcome = run("schema", "record")
+    assert (outcome.status, outcome.fault) == (130, "isochrony: interrupted")
+
+
 def test_an_internal_error_is_70_with_one_line_and_the_traceback_on_demand(run, monkeypatch):
     def end(_):
         raise ZeroDivisionError("by zero")

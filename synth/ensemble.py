@@ -323,4 +323,10 @@ def _run(function: Callable[[Job], Result], job: Job) -> Result:
 def _begin() -> None:
     """Of a worker: Ctrl-C reaches all, but who started it ends it, and in order: nothing half-written stays."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    signal.signal(signal.SIGTERM, _leave)
+
+
+def _leave(*_: object) -> None:
+    """End, once: the executor tells all a second time when one has gone, while others still clear away."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit()

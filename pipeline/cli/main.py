@@ -9,9 +9,12 @@ import contextlib
 import errno
 import io
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
 from importlib import import_module
+from types import FrameType
 
 from data_schemas.errors import IsochronyError, UsageError
 from data_schemas.shield import bounded
@@ -39,8 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None and words[:1] and words[0] in _READERS:
         # xarray would import it, .3 s, and these have no use for it
         sys.modules.setdefault("dask", None)  # type: ignore[arg-type]
+    struck: list[int] = []
     try:
-        with contextlib.redirect_stdout(Printable(sys.stdout)):
+        with contextlib.redirect_stdout(Printable(sys.stdout)), _noting_interrupts(struck):
             status = _dispatch(words)
         sys.stdout.flush()  # a reader that went away shows here and not at the interpreter's end
         return status
@@ -59,13 +63,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as fault:
         if isinstance(fault, OSError) and fault.errno == errno.ENOSPC:  # files of ours tell of themselves
             return _say(f"stdout cannot be written, {fault.strerror}; free space, or send it elsewhere", 3, fault)
-        earlier: BaseException | None = fault
-        while earlier is not None:  # what was interrupted may fail to clean up
-            earlier = earlier.__context__
-            if isinstance(earlier, KeyboardInterrupt):
-                return _say("interrupted", 130, fault)
+        if struck:  # some libraries make an error of their own of it, and what was interrupted may fail to clean up
+            return _say("interrupted", 130, fault)
         hint = "please report; run with ISOCHRONY_TRACEBACK=1 for the traceback"
         return _say(f"internal error: {type(fault).__name__}: {fault} ({hint})", 70, fault)
+
+
+@contextlib.contextmanager
+def _noting_interrupts(struck: list[int]) -> Iterator[None]:
+    """Note each Ctrl-C, which is an exception as ever."""
+
+    def note(number: int, frame: FrameType | None) -> None:
+        struck.append(number)
+        signal.default_int_handler(number, frame)
+
+    main_one = threading.current_thread() is threading.main_thread()
+    if ours := main_one and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _dispatch(words: list[str]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -124,12 +125,12 @@ def test_every_fault_has_its_status_and_one_line(run, monkeypatch, fault, status
     assert ("interrupted" if fault is KeyboardInterrupt else "first line second line") in outcome.fault
 
 
-def test_an_interrupt_after_which_nothing_can_be_closed_is_one(run, monkeypatch):
+def test_an_interrupt_of_which_a_library_makes_an_error_is_one(run, monkeypatch):
     def end(_):
         try:
-            raise KeyboardInterrupt
-        finally:
-            raise RuntimeError("cannot close")
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise RuntimeError("made of it by a library") from None
 
     monkeypatch.setattr(small, "schema", end)
     outcome = run("schema", "record")

@@ -54,9 +54,6 @@ class FilmOptions:
             raise UsageError(f"reading '{self.reading}': give one of {', '.join(READINGS)}")
 
 
-DELAY = "delay_uncertainty"
-
-
 class Known:
     """All that is known of a film: description (`NOTHING` where it has none), options, speed (mm s-1), dpi."""
 
@@ -172,7 +169,7 @@ class Known:
         if not values:
             return None
         for name, sigma in found.items():
-            if sigma is not None and not (name == DELAY and name in values):  # who measured the lamps knows better
+            if sigma is not None and not (name == "delay_uncertainty" and name in values):
                 values[name] = np.hypot(values.get(name, 0.0), sigma)
         if "chronometer_rate_uncertainty" in values:
             values.setdefault("chronometer_rate", 0.0)

@@ -189,10 +189,8 @@ class Problem:
         """The readings less what the constants say of the traces."""
         own, gain = self.lattice, self.gain(constants)
         delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
-        late, value = (
-            delay[own.trace] * (self.pace if self.pace.size else 1.0),
-            own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace],
-        )
+        late = delay[own.trace] * (self.pace if self.pace.size else 1.0)
+        value = own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
         for each in constants:
             if each.kind == kinds.STEP:
                 value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
@@ -210,9 +208,8 @@ class Problem:
             variance[self.left_out] = np.inf
         combination = own.combination + self.cross(constants) * self.mixed
         first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
-        return passes.Readings(
-            first, own.trace, own.offset - late, value, variance, combination, self.others, self.pace
-        )
+        offset = own.offset - late
+        return passes.Readings(first, own.trace, offset, value, variance, combination, self.others, self.pace)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""

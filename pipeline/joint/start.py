@@ -130,7 +130,7 @@ def _first_constants(gathered: Gathered) -> Constants:
 
 
 def _held(constants: Constants, gravity: float = EXACT) -> Constants:
-    """Damping held where it is, gravity within some 1 sigma of its prior."""
+    """Damping and delays held where they are, gravity within some 1 sigma of its prior."""
     held = (replace(c, prior=EXACT, mean=c.value) if c.kind in (kinds.DAMPING, kinds.DELAY) else c for c in constants)
     return tuple(replace(c, prior=gravity) if c.kind == kinds.GRAVITY else c for c in held)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Complexes, Floats
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 _HARMONICS = 48
 _LOW, _HIGH = 0.6, 2.6
@@ -142,7 +142,7 @@ def _step(state: Floats, i: int, step: float, across: Floats, along: Floats, own
     state[i, 0], state[i, 1] = table[0, 0], table[0, 1]
 
 
-@kernel
+@making_kernel
 def _integrate(
     times: Floats, state: Floats, own: Pendulums, support: Support, kicks: Floats, longest: float, out: Floats
 ) -> None:

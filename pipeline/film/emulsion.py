@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter, median_filter
 from pipeline.arrays import Floats, median_present
 from pipeline.film.marks.lines import BLIND, Lines, lines_across
 from pipeline.film.scan.opening import OpenScan
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 HIGHEST_EXPOSURE = 4.0
 TABLE_SIZE = 4097
@@ -283,7 +283,7 @@ def _smoothed(level: Floats) -> Floats:
     return np.where(away > 4.0 * np.median(away) + 1e-4, median, level)
 
 
-@kernel
+@making_kernel
 def darkness_above(
     pixels: NDArray[np.uint16], table: Floats32, levels: Floats32, strip: NDArray[np.int64], weight: Floats32,
     blur: np.float32,
@@ -306,7 +306,7 @@ def darkness_above(
     return out
 
 
-@kernel
+@making_kernel
 def look_up(darkness: Floats32, exposures: Floats32, steps: np.float32) -> Floats32:
     """The `exposures` of darknesses that lie `steps` a unit."""
     out, last = np.empty_like(darkness), np.float32(exposures.size - 1)

@@ -7,15 +7,17 @@ settles and is kept; a gap lets it move again. What runs at each node makes no v
 takes arrays, `sweep` apart: Numba would count references there, which costs more than the arithmetic.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.joint import updating
+from pipeline.joint import remainder, updating
 from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.forcing import derive_errors, remain
 from pipeline.joint.kinds import GAIN, READ_HEAVE_SCALE
 from pipeline.joint.passes import Columns, Kept, Pass, Slots, Task
-from pipeline.joint.remainder import Steps, collocate, lay_known, reach, room_for
+from pipeline.joint.remainder import Steps, collocate, lay_known, multiply, reach
 from synth.kernels.compiled import kernel
 
 ANYWHERE = 0.1  # rad
@@ -23,6 +25,40 @@ ROWS = 256  # prediction errors that are multiplied out at once
 CHUNK = 64  # nodes whose places on a given path are found at once
 UNEVEN = 8  # nodes after which the covariance is made symmetric again
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
+
+
+class Room(NamedTuple):
+    """What a sweep works in; d states, c constants, u readings a node at most and rounding up to fours."""
+
+    ahead: Floats
+    ahead_columns: Floats  # (d, d) derivative of the step, and its transpose: transposed in place, it is slow
+    updated: Floats
+    moved: Floats  # (d, d) the covariance with a node's readings; carried on by the step
+    state: Floats  # (d, c + 1) as `Pass.state`, with a node's readings
+    slots: Slots
+    root: Floats  # (u, u) of the readings' covariance
+    seen: Floats  # (u, c + 1) readings as predicted less as read, with their derivatives
+    gain: Floats
+    old_gain: Floats  # (u, d)
+    buffer: Floats  # (ROWS, c + 1) whitened errors with their derivatives
+    square: Floats  # (c + 1, c + 1)
+    path: Floats  # (n + 1, d) along n steps
+    steps: Steps  # n of them
+
+
+def room_for(task: Task, begin: int, end: int, of: Pass) -> Room:
+    """Room for a sweep."""
+    size, width = of.state.shape
+    u = max(4, int(np.diff(task.readings.first[begin : end + 1]).max(initial=0)) + 3)
+    shapes = ((u,), (u,), (u,), *[(u, size)] * 4, (u,), (u, 2, POINTS))
+    slots = Slots(np.zeros(u, dtype=np.int64), np.full(u, -1), *map(np.zeros, shapes))
+    n, ahead = CHUNK if task.about.shape[0] else 1, task.flow.ahead
+    shapes = ((u, u), (u, width), (u, size), (u, size), (ROWS, width), (width, width), (n + 1, size))
+    return Room(
+        ahead.copy(), np.ascontiguousarray(ahead.T), np.empty((size, size)), np.empty((size, size)),
+        np.empty((size, width)), slots, *map(np.zeros, shapes),
+        remainder.room_for(task.flow, task.columns.forced.size, n),
+    )  # fmt: skip
 
 
 @kernel
@@ -39,9 +75,10 @@ def follow(flow: Flow, about: Floats, k: int, path: Floats, steps: Steps) -> Non
     for s in range(min(path.shape[0], about.shape[0] - k)):
         for q in range(path.shape[1]):
             path[s, q] = about[k + s, q]
-    np.dot(flow.to_nodes, path[:-1].T, steps.nodes)
-    np.dot(flow.ends, path[1:].T, steps.away)
-    add(-1.0, np.dot(flow.ahead_to_ends, path[:-1].T), steps.away)
+    multiply(flow.to_nodes, path[:-1].T, steps.nodes)
+    multiply(flow.ends, path[1:].T, steps.away)
+    multiply(flow.ahead_to_ends, path[:-1].T, steps.led)
+    add(-1.0, steps.led, steps.away)
 
 
 @kernel
@@ -102,35 +139,20 @@ def keep_gain(keep: Kept, begin: int, slots: Slots, used: int, root: Floats, gai
 
 
 @kernel
-def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
+def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) -> bool:
     """Filter nodes `begin` to `end`, with derivatives by all constants; whether every covariance stayed positive.
     Derivatives and state stand side by side, (d, c + 1), as in `seen`: readings as predicted less as read."""
     flow, readings, columns, known, about, plain = (
         task.flow, task.readings, task.columns, task.known, task.about, task.plain,
     )  # fmt: skip
-    forced, breaks = columns.forced, task.breaks
-    count, size = flow.kappa.size, of.state.shape[0]
-    two, constants = 2 * count, of.state.shape[1] - 1
-    most = 4
-    for k in range(begin, end):
-        most = max(most, readings.first[k + 1] - readings.first[k] + 3)
-    covariance, updated, moved = of.covariance.copy(), np.empty((size, size)), np.empty((size, size))
-    state, state_updated = of.state.copy(), np.empty((size, constants + 1))
-    ahead, ahead_columns = flow.ahead.copy(), np.ascontiguousarray(flow.ahead.T)  # transposed in place, it is slow
-    slots = Slots(
-        np.zeros(most, dtype=np.int64), np.full(most, -1), np.zeros(most), np.zeros(most), np.zeros(most),
-        np.zeros((most, size)), np.zeros((most, size)), np.zeros((most, size)), np.zeros((most, size)), np.zeros(most),
-        np.zeros((most, 2, POINTS)),
-    )  # fmt: skip
-    root, seen = np.zeros((most, most)), np.zeros((most, constants + 1))
-    gain, old_gain = np.zeros((most, size)), np.zeros((most, size))
-    buffer, rows = np.zeros((ROWS, constants + 1)), 0
+    forced, breaks, two, constants = columns.forced, task.breaks, 2 * flow.kappa.size, of.state.shape[1] - 1
+    covariance, state, state_updated, updated, moved = of.covariance, of.state, room.state, room.updated, room.moved
+    ahead, ahead_columns, slots, steps, path = room.ahead, room.ahead_columns, room.slots, room.steps, room.path
+    root, seen, gain, buffer, rows = room.root, room.seen, room.gain, room.buffer, 0
     keeping, kept, end_kept = keep.swing.shape[0] > 0, 0, 0
     given = about.shape[0] > 0
     joined, at, chunk = flow.sine and given, 0, begin - CHUNK
-    width = CHUNK if given else 1
-    path = np.zeros((width + 1, size))
-    steps = room_for(flow, forced.size, width)
+    width = path.shape[0] - 1
     push, impulses = steps.push, forced.size + (3 if flow.heaves else 1)
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
     moving, before, product, at_break = True, -1, 1.0, 0
@@ -161,14 +183,14 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             collocate(flow, plain, width, steps)
         if joined and flow.heaves:
             updating.lay_heave(flow, readings, slots, used, steps, path, at)
-        np.dot(slots.row[:used], state, seen[:used])
+        multiply(slots.row[:used], state, seen[:used])
         if not plain:
             updating.pull_aside(slots, used, readings, steps.rest, at, seen)
         for j in range(used):
             derive_errors(readings, columns, slots.reading[j], k * flow.step, slots, state, seen, j)
             seen[j, constants] -= readings.value[slots.reading[j]]
         if moving:
-            np.dot(slots.row[:used], covariance, gain[:used])
+            multiply(slots.row[:used], covariance, gain[:used])
             updating.deviate(slots, used, gain)
         over = False
         for j in range(used):
@@ -177,7 +199,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
         if over:
             if not moving:  # a reading over the gate lets the gain move
                 moving = True
-                np.dot(slots.row[:used], covariance, gain[:used])
+                multiply(slots.row[:used], covariance, gain[:used])
             used, alike, before = updating.set_aside(slots, used, task.gate, of, seen, gain), False, -1
         change = 1.0
         if moving:
@@ -185,7 +207,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
                 return False
             updating.lift(covariance, gain, gain, used, updated)
             if not flow.sine and used > 0:
-                change = updating.change_of(gain, used, old_gain, covariance)
+                change = updating.change_of(gain, used, room.old_gain, covariance)
         updating.substitute(root, used, seen)
         updating.lift(state, gain, seen, used, state_updated)
         for j in range(used):
@@ -194,7 +216,8 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             lay_by(columns, slots.trace[j], readings.combination.shape[0], seen, j, buffer, rows)
             rows += 1
             if rows == ROWS:
-                add(1.0, np.dot(buffer.T, buffer), of.normal)
+                multiply(buffer.T, buffer, room.square)
+                add(1.0, room.square, of.normal)
                 rows = 0
         if not 1e-100 < product < 1e100:
             of.totals[0] += np.log(product)
@@ -208,7 +231,6 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
                 keep_gain(keep, kept, slots, used, root, gain)
             keep.first[k - begin] = kept
         if k + 1 == readings.first.size - 1:
-            state, covariance = state_updated, updated if moving else covariance
             break
         # to the next node
         settling = moving and alike and not flow.sine and change < SETTLED and used > 0
@@ -217,10 +239,10 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
             remain(task, joined, k, width, steps)
         if not plain:
             turn(flow, steps.swing, at, ahead, ahead_columns)
-        np.dot(ahead, state_updated, state)
+        multiply(ahead, state_updated, state)
         if moving:
-            np.dot(ahead, updated, moved)
-            np.dot(moved, ahead_columns, updated)
+            multiply(ahead, updated, moved)
+            multiply(moved, ahead_columns, updated)
             updating.add_noise(updated, flow.noise, k % UNEVEN == 0, covariance)
             if flow.heaves:
                 updating.add_drive(flow, push, forced.size + 1, at, covariance)
@@ -235,7 +257,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept) -> bool:
         if keeping:
             keep_step(keep, k - begin, ahead, push, at)
         moving = moving and not settling
-    add(1.0, np.dot(buffer[:rows].T, buffer[:rows]), of.normal)
+    multiply(buffer[:rows].T, buffer[:rows], room.square)
+    add(1.0, room.square, of.normal)
     of.totals[0] += np.log(product)
-    of.state[:], of.covariance[:] = state, covariance
     return True

@@ -6,7 +6,7 @@ from pipeline.arrays import Floats
 from pipeline.joint import kinds, remainder
 from pipeline.joint.flow import NODES, POINTS, Flow
 from pipeline.joint.passes import Columns, Readings, Slots, Task
-from pipeline.joint.remainder import COSINE, SHARES, SINE, TURNED, Steps
+from pipeline.joint.remainder import COSINE, SHARES, SINE, TURNED, Steps, multiply
 from synth.kernels.compiled import kernel
 
 FADED = 1e-4  # rad s-1: change of a fading speed for its derivative
@@ -27,7 +27,7 @@ def remain(task: Task, joined: bool, k: int, n: int, steps: Steps) -> None:
     else:
         remainder.differentiate(flow, task.known, k, n, steps)
         for i in range(sources.shape[0]):
-            np.dot(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
+            multiply(steps.factor[i].reshape(sources.shape[1], -1).T, sources[i], steps.swing[i])
     force_columns(task, k, n, steps)
     if flow.heaves:
         drive(flow, joined, task.columns.forced.size + 1, n, steps)

@@ -319,7 +319,8 @@ class Problem:
 
 def _go(task: passes.Task, begin: int, end: int, of: passes.Pass, keep: passes.Kept) -> None:
     """Filter a stretch."""
-    if not filtering.sweep(task, begin, end, of, keep) or not np.all(np.isfinite(of.normal)):
+    room = filtering.room_for(task, begin, end, of)
+    if not filtering.sweep(task, begin, end, of, keep, room) or not np.all(np.isfinite(of.normal)):
         raise np.linalg.LinAlgError("a covariance of the filter lost its sign")
 
 

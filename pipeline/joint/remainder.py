@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.joint.flow import NODES, POINTS, Flow
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 MOST_ARC, MOST_ACCELERATION = 0.5, 0.3  # rad; over reference gravity
 MOST_TURNED = 1.6  # rad: beyond it the series of sine and cosine end
@@ -24,6 +24,7 @@ class Steps(NamedTuple):
 
     nodes: Floats  # (8 p + 8, n) each pendulum's angle at the four nodes, each one's speed, U, Z
     away: Floats  # (e, n) the path's next row less what the linear flow makes of it, see `Flow.ends`
+    led: Floats  # (e, n) what it makes of it
     shift: Floats  # (8, n) what U and Z are moved by along the path itself
     rest: Floats  # (p, 6, 4, n) see `LEFT`
     by: Floats  # (p, 4, 4, n) derivative of the remaining acceleration by angle, speed, U and Z, at each node
@@ -37,22 +38,23 @@ class Steps(NamedTuple):
     room: Floats  # (8, n)
 
 
-@kernel
 def room_for(flow: Flow, forced: int, n: int) -> Steps:
     """Room for n steps."""
-    count, size, two = flow.kappa.size, flow.noise.shape[0], 2 * flow.kappa.size
-    weight, push = np.zeros((count, 2, POINTS, n)), np.zeros((forced + 1 + flow.drives, two, n))
-    for i in range(count):
-        for r in range(2):
-            for m in range(POINTS):
-                for s in range(n):
-                    weight[i, r, m, s] = flow.response[i, POINTS, m, r]
-    return Steps(
-        np.zeros((2 * POINTS * (count + 1), n)), np.zeros((4 + 2 * count, n)), np.zeros((2 * POINTS, n)),
-        np.zeros((count, 6, POINTS, n)), np.zeros((count, 4, POINTS, n)), weight,
-        np.zeros((count, 4 * POINTS, 2, n)), np.zeros((count, 2 * n, size)), push[forced], push,
-        np.zeros((2 * POINTS, n)),
+    count, size, ends = flow.kappa.size, flow.noise.shape[0], flow.ends.shape[0]
+    weight = np.repeat(flow.response[:, POINTS].swapaxes(1, 2)[..., None], n, axis=-1)
+    push = np.zeros((forced + 1 + flow.drives, 2 * count, n))
+    shapes = (
+        (2 * POINTS * (count + 1), n), (ends, n), (ends, n), (2 * POINTS, n), (count, 6, POINTS, n),
+        (count, 4, POINTS, n), (count, 4 * POINTS, 2, n), (count, 2 * n, size), (2 * POINTS, n),
     )  # fmt: skip
+    nodes, away, led, shift, rest, by, factor, swing, room = map(np.zeros, shapes)
+    return Steps(nodes, away, led, shift, rest, by, weight, factor, swing, push[forced], push, room)
+
+
+@making_kernel
+def multiply(one: Floats, other: Floats, product: Floats) -> None:
+    """Product of matrices."""
+    np.dot(one, other, product)
 
 
 @kernel

@@ -9,7 +9,6 @@ from pipeline.joint.passes import Kept, Readings, Task
 from synth.kernels.compiled import kernel, summing_kernel
 
 
-@kernel
 def smooth(
     task: Task, begin: int, end: int, pushed: Floats, state: Floats, covariance: Floats, whitened: Floats, keep: Kept,
     adjoint: Floats, path: Floats,
@@ -18,21 +17,36 @@ def smooth(
     (Koopman 1993). `pushed`, (f + 1,): change of the constants that move the pendulums since the sweep, last 1;
     `state`, (d,), changed, and `covariance`, predicted for the first node, and errors `whitened`, (r,), at the changed
     constants; `adjoint`, (d,), of the predicted state behind the stretch, of its first node on return."""
-    flow, readings, breaks = task.flow, task.readings, task.breaks
-    two, size = keep.swing.shape[1], adjoint.size
-    ahead, later = flow.ahead[two:].copy(), np.zeros(size)
+    two, ahead, room = keep.swing.shape[1], task.flow.ahead, np.zeros((2, adjoint.size))
+    look_back(task, begin, end, whitened, keep, ahead[two:], adjoint, room, path)
+    driven, onward = path[: end - begin] @ task.flow.noise, np.zeros((adjoint.size - two, adjoint.size))
+    onward[:, two:] = ahead[two:, two:].T
+    state += covariance @ adjoint
+    go_on(task, begin, end, pushed, keep, onward, driven, state, room, path)
+
+
+@kernel
+def look_back(
+    task: Task, begin: int, end: int, whitened: Floats, keep: Kept, ahead: Floats, adjoint: Floats, room: Floats,
+    path: Floats,
+) -> None:  # fmt: skip
+    """Adjoints of a stretch into `path`; `ahead`: the ship's part of the step. `room`: (2, d)."""
+    readings = task.readings
     for k in range(end - 1, begin - 1, -1):
         if k + 2 < readings.first.size:
-            step_back(keep, k - begin, ahead, adjoint, later)
-        gather_readings(readings, k, begin, whitened, keep, adjoint, later)
-        for q in range(size):
+            step_back(keep, k - begin, ahead, adjoint, room[0])
+        gather_readings(readings, k, begin, whitened, keep, adjoint, room[0])
+        for q in range(adjoint.size):
             path[k - begin, q] = adjoint[q]
-    at_break, driven, felt = 0, np.dot(path[: end - begin], flow.noise), np.zeros(2)
-    onward = np.zeros(ahead.shape)
-    for r in range(ahead.shape[0]):
-        for q in range(ahead.shape[0]):
-            onward[r, two + q] = ahead[q, two + r]
-    state += np.dot(covariance, adjoint)
+
+
+@kernel
+def go_on(
+    task: Task, begin: int, end: int, pushed: Floats, keep: Kept, onward: Floats, driven: Floats, state: Floats,
+    room: Floats, path: Floats,
+) -> None:  # fmt: skip
+    """States of a stretch in place of their adjoints, by what these make of the noise."""
+    flow, breaks, at_break = task.flow, task.breaks, 0
     for k in range(begin, end):
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:
@@ -40,10 +54,10 @@ def smooth(
                 state[2 * i] += ANYWHERE**2 * path[k - begin, 2 * i]
                 state[2 * i + 1] += flow.kappa[i] * ANYWHERE**2 * path[k - begin, 2 * i + 1]
             at_break += 1
-        for q in range(size):
+        for q in range(state.size):
             path[k - begin, q] = state[q]
         if k + 1 < end:
-            step_on(flow, keep, k - begin, onward, driven, pushed, path, state, later, felt)
+            step_on(flow, keep, k - begin, onward, driven, pushed, path, state, room[0], room[1])
 
 
 @summing_kernel

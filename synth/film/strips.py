@@ -14,7 +14,7 @@ from data_schemas.scene_recording import Film
 from synth.film.dirt import Dirt
 from synth.film.layout import STRIP, FilmPlan, Light, Pixels
 from synth.film.source import Curves
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 from synth.phase import Floats, Integers
 from synth.seeds import generator
 
@@ -206,7 +206,7 @@ def _cubic(x: float, start: float, rate: float, stop: float, end_rate: float, sp
     return value, slope / span
 
 
-@kernel
+@making_kernel
 def draw_line(image: Pixels, first: int, line: Line, lit: Light, sigma: float, weight: float, table: Floats) -> None:
     """Add the light of one trace to some rows of the image, float32 (rows, columns), its first row number `first`.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from synth.integrators.collocation_remainders import Work, nodes_of
 from synth.kernels.collocation import NODES, advance, change, couple, last_terms
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 from synth.kernels.lanes import load, store, total, wide
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
@@ -55,7 +55,7 @@ class Level(NamedTuple):
     reach: Floats
 
 
-@kernel
+@making_kernel
 def march(
     system: Any, horizontal: Any, vertical: Any, level: Level, nodes: Nodes, work: Work, limits: Any, begin: float,
     count: int, times: Floats, states: Floats, report: Integers,

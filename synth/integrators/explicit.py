@@ -18,7 +18,7 @@ from data_schemas.errors import RefusedError
 from synth.integrators.events import Escapement
 from synth.integrators.explicit_march import MOST_STEPS, Run, StiffError
 from synth.integrators.trajectory import Trajectory, checked, difference, relative_error, spread
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative
 
@@ -167,7 +167,7 @@ def _clock_rounding(system: Any, fine: Run, few: Floats) -> float:
     return _LUCK * rounded * span / math.sqrt(steps) * relative_error(rate, fine.scale)
 
 
-@kernel
+@making_kernel
 def _change(system: Any, times: Floats, states: Floats, moment: float, out: Floats) -> None:
     """Mean square by which the derivative at a given state changes with time alone in a moment, (n,)."""
     here, aside = np.empty_like(out), np.empty_like(out)

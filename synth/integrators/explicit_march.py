@@ -12,7 +12,7 @@ from data_schemas.errors import RefusedError
 from synth.integrators import explicit_step as stepping
 from synth.integrators.events import Escapement, Memory, begin, locate, memory, miss, strike
 from synth.integrators.trajectory import reason
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import derivative
 from synth.systems.terms import halt, jolt, kicks_of
@@ -29,7 +29,7 @@ _AVERAGE = 1e-4  # error of a step before the first
 _NOTED = 1024  # kicks for which there is room at first
 
 
-@kernel
+@making_kernel
 def march(
     system: Any, event: Any, memory: Any, start: Floats, times: Floats, tolerance: float, patience: int, amiss: float,
     states: Floats, scale: Floats, counts: Integers,

@@ -12,7 +12,7 @@ Numba makes of every function a program of its own with wrappers. So the first c
 import contextlib
 import glob
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -21,6 +21,7 @@ from numba.core import caching, codegen, environment, types
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.targetconfig import ConfigStack
 from numba.extending import register_jitable
 from numba.np import arrayobj
 
@@ -32,6 +33,7 @@ _Library: Any = codegen.JITCodeLibrary
 _Dispatcher: Any = CPUDispatcher
 _Cache: Any = caching.FunctionCache
 _Files: Any = caching.IndexDataCacheFile
+_Flags: Any = ConfigStack
 _Result: Any = CompileResult
 _unliteral: Any = types.unliteral
 _environment_of: Any = environment.lookup_environment
@@ -236,7 +238,11 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
 
     def get_overload(self, sig: Any) -> Any:
         """The function that its callers link."""
-        return self._part.get_overload(sig)
+        part = self._part.overloads[tuple(getattr(sig, "args", sig))]
+        of_arrays = "array(" in str(part.signature.return_type)
+        if of_arrays and self.targetoptions["_nrt"] != _Flags.top_or_none().nrt:
+            raise TypeError(f"{self.py_func.__name__} returns arrays: it and who calls it count references, or neither")
+        return part.entry_point
 
     def compile(self, sig: Any) -> Any:
         """Load or compile it for Python, and all that it calls as its parts."""
@@ -261,8 +267,13 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
 
 
 def kernel(function: Function) -> Function:
-    """Compile a numeric kernel on its first call; plain Python under `NUMBA_DISABLE_JIT=1`."""
-    return _compile(function, fastmath=False)
+    """Compile a numeric kernel on its first call; plain Python under `NUMBA_DISABLE_JIT=1`. It makes no arrays."""
+    return _compile(function)
+
+
+def making_kernel(function: Function) -> Function:
+    """As `kernel`, for what makes arrays: references to all are counted, in it alone."""
+    return _compile(function, counting=True)
 
 
 def summing_kernel(function: Function) -> Function:
@@ -270,15 +281,15 @@ def summing_kernel(function: Function) -> Function:
 
     NaN and infinity keep their meaning. Never for error-free transforms.
     """
-    return _compile(function, fastmath={"reassoc", "contract"})
+    return _compile(function, {"reassoc", "contract"})
 
 
-def _compile(function: Function, fastmath: bool | set[str]) -> Function:
+def _compile(function: Function, fastmath: Iterable[str] = (), *, counting: bool = False) -> Function:
     config: Any = numba.config
     if config.DISABLE_JIT:
         return function
     # `fastmath` stays off: callees inherit it, and error-free transforms (two-sum, two-product) then return zero;
     # "numpy": a division by zero gives inf, not a branch to an exception in the inner loop;
     # `nogil`: threads may run records side by side
-    options = {"nopython": True, "fastmath": fastmath, "error_model": "numpy", "nogil": True}
+    options = {"nopython": True, "fastmath": set(fastmath), "error_model": "numpy", "nogil": True, "_nrt": counting}
     return cast(Function, Kernel(function, targetoptions=options))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synth.kernels.collocation import NODES, POINTS, advance, change, couple, last_terms, turned
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 from synth.kernels.lanes import load, store, total
 from synth.phase import Floats
 
@@ -39,7 +39,7 @@ class Law(NamedTuple):
     linear: bool
 
 
-@kernel
+@making_kernel
 def march(
     state: Floats, remainder: Floats, forcing: Forcing, law: Law, floor: Floats, stop: float, points: Floats,
     report: Floats,

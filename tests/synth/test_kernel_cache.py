@@ -157,11 +157,11 @@ def test_only_types_of_the_project_are_kept(
 ) -> None:
     """An index that names a module which is not there cannot be read by anybody else."""
     monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
-    made = compiled.kernel(add_one)
+    made = compiled.making_kernel(add_one)
     assert np.all(made(argument) == 2.0)
     assert bool(list(tmp_path.rglob("*.nbi"))) == kept
     if kept:
-        again: Any = compiled.kernel(add_one)
+        again: Any = compiled.making_kernel(add_one)
         again(argument)
         assert sum(again.stats.cache_hits.values()) == 1
 
@@ -254,13 +254,28 @@ def test_a_slice_that_does_not_fit_is_refused_as_by_numba_itself() -> None:
         to[1:] = values
 
     to = np.zeros(4)
-    made = compiled.kernel(assign)
+    made = compiled.making_kernel(assign)
     made(np.ones(3), to)
     assert np.array_equal(to, [0.0, 1.0, 1.0, 1.0])
     with pytest.raises(ValueError, match="slice from an array of another shape"):
         made(np.ones(5), to)
     with pytest.raises(ValueError, match="of shape"):  # other code of the process is let be
         numba.njit(assign)(np.ones(5), to)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("counts", [True, False])
+def test_arrays_go_only_between_kernels_that_both_count_references_or_both_do_not(counts: bool) -> None:
+    """A caller that counts would free what it was given by one that does not; the other way it would never be freed."""
+    ways = compiled.making_kernel, compiled.kernel
+    inner = ways[counts](lambda values: values)
+
+    def outer(values: Any) -> float:
+        return float(inner(values)[0])
+
+    with pytest.raises(Exception, match="returns arrays: it and who calls it count references, or neither"):
+        ways[not counts](outer)(np.ones(2))
+    assert ways[counts](outer)(np.ones(2)) == 1.0
 
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:

@@ -17,7 +17,7 @@ from data_schemas.errors import RefusedError
 from pipeline.film.marks.alignment import Events, Gaps, Stand
 from pipeline.film.marks.search import commonest
 from pipeline.film.parts import Floats, Tracks
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 SLACK = 0.24  # of the speed over the whole film: drift, wow and short changes together
 EVEN = 0.12  # of the speed, that shows how steadily the paper runs
@@ -255,7 +255,7 @@ def list_steps(row: Floats, sigma: Floats, spacing: float, swings: Swings, break
     return Steps(begin, end, marks, most, cost, row, np.hypot(sigma, FLOOR), spacing, *unsteadiness(row, spacing))
 
 
-@kernel
+@making_kernel
 def count_marks(steps: Steps, first_of: Whole) -> tuple[Floats, Floats, Whole]:
     """Least cost of all paths up to each step, and after it; the step before it; event k's begin at `first_of[k]`."""
     events, total, cost = steps.row.size, steps.cost.size, steps.cost

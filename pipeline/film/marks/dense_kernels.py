@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 from pipeline.film.marks.gap_kernels import look, place
 from pipeline.film.tracking.motion import solve
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 CUBIC, QUADRATIC = 4, 3
 SIZE = CUBIC + 2 * QUADRATIC
@@ -96,7 +96,7 @@ class Known(NamedTuple):
     nodes: Floats  # of `node_table`
 
 
-@kernel
+@making_kernel
 def draw_curve(
     picture: Floats, row: float, left: int, scale: float, course: Floats, slope: Floats, spot: float
 ) -> None:
@@ -136,7 +136,7 @@ def draw_curve(
             fall *= turn
 
 
-@kernel
+@making_kernel
 def fit_block(
     exposure: NDArray[np.float32], first: int, shape: Floats, middle: float, known: Known
 ) -> tuple[float, float]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.film.parts import Floats
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 MOST_LINES = 3
 STANDS_OUT = 25.0  # power of a line over that of its surroundings
@@ -227,7 +227,7 @@ def honest_gaps(rows: Floats, sigma: Floats, paper: Drive) -> Drive:
     return replace(paper, row_sigma=np.where(inside, scale * paper.row_sigma, paper.row_sigma))
 
 
-@kernel
+@making_kernel
 def filter_drive(
     step: Floats, noise: Floats, sees: Floats, begin: tuple[Floats, Floats],
     rows: Floats, variance: Floats, stood: Floats,
@@ -256,7 +256,7 @@ def filter_drive(
     return likelihood, state, spread, ahead, ahead_spread
 
 
-@kernel
+@making_kernel
 def smooth_drive(step: Floats, state: Floats, spread: Floats, ahead: Floats, ahead_spread: Floats) -> None:
     """Rauch, Tung and Striebel's smoother: `state` and `spread` become those given all marks."""
     for k in range(state.shape[0] - 2, -1, -1):

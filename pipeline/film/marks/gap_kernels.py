@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Floats
 from pipeline.film.tracking.motion import solve
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 REACH = 3.5  # spots, beyond which there is no light
 FLANK = 9.0  # spots of line on either side of the gap
@@ -174,7 +174,7 @@ class Known(NamedTuple):
     spacing: float  # rows between marks
 
 
-@kernel
+@making_kernel
 def fit_gap(
     exposure: Floats, first: int, courses: Floats, slopes: Floats, trace: int, mark: float, width: float, known: Known,
     layers: Floats, out: Floats,
@@ -307,7 +307,7 @@ def fit_gap(
     return True
 
 
-@kernel
+@making_kernel
 def fit_gaps(
     exposure: Floats, first: int, courses: Floats, slopes: Floats, traces: NDArray[np.int64], guesses: Floats,
     widths: Floats, known: Known,

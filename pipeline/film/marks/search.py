@@ -19,7 +19,7 @@ from pipeline.film.marks.gap_kernels import REACH, Known, fit_gaps, look, pace, 
 from pipeline.film.marks.lines import Lines
 from pipeline.film.parts import Emulsion, Floats, Marking, Tracks
 from pipeline.film.scan.opening import OpenScan
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 ROWS = 1024  # of a piece
 MARGIN = 24  # rows read on either side, so that a gap at a seam is seen whole
@@ -118,7 +118,7 @@ def light_at_rest(slope: float, curvature: float, spot: float, half: float) -> f
     return total * step / (2.5066282746310002 * spot)
 
 
-@kernel
+@making_kernel
 def brightness_along(
     exposure: Exposure, first: int, course: Floats, slope: Floats, curvature: Floats, rows: Floats,
     spot: float, shear: float, width: float,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from data_schemas.errors import FileError
 from pipeline.film.parts import Floats
 from pipeline.film.scan.files import Image, Pixels
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 DOWN, ACROSS = 2, 6  # pixels to a bin of the search
 LONGEST = 8192  # rows of overlap that are searched
@@ -119,7 +119,7 @@ def sample(image: Image, origin: complex, along: complex, across: complex, first
         resample(source, some, begin - low, along, across, float(image.full_scale))
 
 
-@kernel
+@making_kernel
 def resample(source: Pixels, wanted: Pixels, begin: complex, along: complex, across: complex, top: float) -> None:
     """See `sample`, from pixels' centres: cubic convolution of Keys (1981), a = -1/2; the edge is repeated."""
     rows, columns = source.shape

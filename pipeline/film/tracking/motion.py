@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 STATES = 6
 REACH = 4.0  # spots: what lies farther leaves less than 3e-4
@@ -97,7 +97,7 @@ def slope_variance(state: Floats, covariance: Floats) -> float:
     return own - 2.0 * shared
 
 
-@kernel
+@making_kernel
 def correct(state: Floats, covariance: Floats, shift: float, variance: float, shear: float) -> None:
     """Take in a reading that lies `shift` columns from the state's own, with its variance."""
     gain = 1.0 + shear * (state[1] - state[5] * state[4])

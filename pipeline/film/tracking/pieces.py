@@ -21,7 +21,7 @@ from pipeline.film.tracking.motion import (
     solve,
 )
 from pipeline.film.tracking.row_reading import read_row
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 GATE = 5.0  # sigma
 SLACK = 0.3  # spots, of the line's normal: what the filter may lag behind where ship or paper speed up
@@ -129,7 +129,7 @@ class Piece(NamedTuple):
     covariances: Floats
 
 
-@kernel
+@making_kernel
 def _blank_piece(traces: int, rows: int) -> Piece:
     """A piece to be filled."""
     shape = (traces, rows)
@@ -139,7 +139,7 @@ def _blank_piece(traces: int, rows: int) -> Piece:
     )
 
 
-@kernel
+@making_kernel
 def _predict(begun: Filter, i: int, order: int, lens: Lens, lines: Floats, piece: Piece) -> None:
     """Carry all traces to row `i` of a piece, and keep their states before it is read."""
     states, covariances, alive, shear = begun.states, begun.covariances, begun.alive, lens.shear
@@ -159,7 +159,7 @@ def _predict(begun: Filter, i: int, order: int, lens: Lens, lines: Floats, piece
         piece.followed[k, i] = alive[k]
 
 
-@kernel
+@making_kernel
 def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, lines: Floats) -> Piece:
     """Follow all traces along (1) or against (-1) a piece, on `lines` if any; `begun` becomes the filter after it."""
     states, covariances, alive, lamp, quality = begun.states, begun.covariances, begun.alive, begun.lamp, begun.quality
@@ -201,7 +201,7 @@ def run(begun: Filter, darkness: Floats32, first: int, order: int, lens: Lens, l
     return piece
 
 
-@kernel
+@making_kernel
 def replay(
     begun: Filter, place: Floats, variance: Floats, followed: NDArray[np.uint8], lens: Lens, lines: Floats
 ) -> Piece:
@@ -229,7 +229,7 @@ class Course(NamedTuple):
     known: NDArray[np.uint8]  # (traces, rows): 1 forward only, 2 backward only, 3 both, 0 none
 
 
-@kernel
+@making_kernel
 def combined(forward: Piece, backward: Piece, spot: float, shear: float) -> Course:
     """The course of all traces of a piece that was followed both ways."""
     rows, traces = forward.states.shape[:2]

@@ -26,7 +26,7 @@ from pipeline.film.tracking.motion import MOST_NODES, nodes_of, place_and_rate, 
 from pipeline.film.tracking.pieces import Section, follow_from
 from pipeline.film.tracking.row_reading import lit_columns
 from pipeline.film.tracking.seeding import find_swings, read_section, spot_size
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import making_kernel
 
 FIRST_ROWS, TALLEST = 512, 4096  # of the sections looked at, at first and where nothing is found
 PLACES = (0.5, 0.15, 0.85, 0.3, 0.7, 0.02, 0.95)
@@ -220,7 +220,7 @@ def calibrate(section: Section, optics: Optics) -> Optics:
     return replace(optics, spot=spot, curve=ToneCurve(*shape), grain=grain)
 
 
-@kernel
+@making_kernel
 def _exposures(
     darkness: NDArray[np.float32], rows: NDArray[np.int64], traces: NDArray[np.int64], states: Floats, lamp: Floats,
     spot: float, window_spot: float, shear: float,

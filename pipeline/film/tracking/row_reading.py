@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import STEP, Lens
 from pipeline.film.tracking.motion import MOST_NODES, REACH, nodes_of, profile, slope_of, solve
-from synth.kernels.compiled import kernel, summing_kernel
+from synth.kernels.compiled import kernel, making_kernel, summing_kernel
 
 Integers = NDArray[np.int64]
 Floats32 = NDArray[np.float32]
@@ -30,10 +30,10 @@ SETTLED = 0.03
 
 
 @summing_kernel
-def _normal_equations(design: Floats, residual: Floats, weight: Floats, normal: Floats, right: Floats) -> None:
-    """Of the unknowns whose changes add the rows of `design` to the pixels."""
+def _normal_equations(design: Floats, pixels: Floats, normal: Floats, right: Floats) -> None:
+    """Of the unknowns whose changes add the rows of `design` to the pixels; see `_fit_group`."""
     unknowns, size = design.shape
-    weighed = np.empty(size)
+    residual, weight, weighed = pixels[1], pixels[2], pixels[4]
     for a in range(unknowns):
         row = design[a]
         total = 0.0
@@ -58,7 +58,7 @@ def _misfit(square: Floats, light: Floats) -> float:
     return total / whole
 
 
-@kernel
+@making_kernel
 def _fit_group(
     darkness: Floats32, first: int, members: Integers, nodes: Floats, counts: Integers, lens: Lens, lamp: Floats,
     prior: Floats, settled: float, fit: Floats,
@@ -69,7 +69,7 @@ def _fit_group(
     size, g = darkness.size, members.size
     n, top = 3 * g + 1, table.shape[1] - 2
     profiles, design = np.empty((g, 3, size)), np.empty((n, size))
-    pixels, normal, vectors = np.empty((4, size)), np.empty((n, n)), np.zeros((4, n))
+    pixels, normal, vectors = np.empty((5, size)), np.empty((n, n)), np.zeros((4, n))
     exposure, residual, weight, square = pixels[0], pixels[1], pixels[2], pixels[3]
     right, value, start, limit = vectors[0], vectors[1], vectors[2], vectors[3]
     for a in range(g):
@@ -103,7 +103,7 @@ def _fit_group(
                 design[3 * a + 1, i] = rates[i] * profiles[a, 0, i]
                 design[3 * a + 2, i] = rates[i] * lit * profiles[a, 2, i]
         rates[:] = 1.0
-        _normal_equations(design, residual, weight, normal, right)
+        _normal_equations(design, pixels, normal, right)
         for a in range(g):
             usual = lamp[members[a]]
             wide = BRIGHTNESS_PRIOR * usual
@@ -144,7 +144,7 @@ def _fit_group(
             fit[k, 5] = alone[0, 0] if solve(alone, step, 4) else np.inf
 
 
-@kernel
+@making_kernel
 def _solve_with_priors(
     normal: Floats, right: Floats, value: Floats, members: Integers, prior: Floats, without: int
 ) -> tuple[bool, Floats, Floats]:
@@ -157,7 +157,7 @@ def _solve_with_priors(
     return solve(inverse, step, step.size), inverse, step
 
 
-@kernel
+@making_kernel
 def read_row(
     darkness: Floats32, row: float, states: Floats, alive: Integers, lens: Lens, lamp: Floats, prior: Floats,
     gaps: Floats, gap_of: Integers, settled: float,
@@ -217,7 +217,7 @@ def lit_columns(nodes: Floats, count: int, least: float) -> tuple[float, float]:
     return 1e9, -1e9
 
 
-@kernel
+@making_kernel
 def read_piece(
     darkness: Floats32, first: int, states: Floats, known: NDArray[np.uint8], slope_variance: Floats, lamp: Floats,
     gaps: Floats, gap_of: Integers, lens: Lens,

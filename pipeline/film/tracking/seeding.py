@@ -13,7 +13,7 @@ from pipeline.arrays import Floats
 from pipeline.film.emulsion import Floats32, Optics
 from pipeline.film.tracking.motion import moved, place_and_rate, solve
 from pipeline.film.tracking.pieces import NO_LINES, SHOWN, Filter, Piece, Section, Swing, follow_from, run
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 
 DARKEST_SHARE = 0.35  # of the darkest smoothed pixels, from which a peak may be a turning point
 DARK_SHARE, ALIKE = 0.01, 0.7  # pixels left out when the spot is measured; likeness down to which it is followed
@@ -198,7 +198,7 @@ def _vertex(before: Floats, peak: Floats, after: Floats) -> Floats:
     return np.asarray(np.clip(0.5 * (before - after) / bend, -0.5, 0.5))
 
 
-@kernel
+@making_kernel
 def swing_through(points: Floats, a: int, b: int, c: int) -> Floats:
     """Harmonic on a parabola that turns at three points, at the row of the middle one: m, m1, m2, p, q, w; or NaN."""
     frequency = 2.0 * math.pi / (points[c, 0] - points[a, 0])
@@ -264,7 +264,7 @@ def share_on_line(smooth: Floats32, middle: float, state: Floats, spot: float, l
     return hits / inside
 
 
-@kernel
+@making_kernel
 def propose(
     smooth: Floats32, points: Floats, spot: float, least: float, shortest: float, longest: float, out: Floats
 ) -> int:

@@ -11,7 +11,7 @@ from energies import SineFromTop, energy
 from pantaleone_board import pantaleone
 from system_examples import DRIVE, FREQUENCY, LENGTH, MASS, QUADRATIC, SIDEWAYS, SYSTEMS, UPWARDS, mirrored, state_for
 
-from synth.kernels.compiled import kernel
+from synth.kernels.compiled import kernel, making_kernel
 from synth.phase import Floats
 from synth.systems.dispatch import derivative, jacobian, plain_jacobian, response
 from synth.systems.driven_pendulums import DrivenPendulums
@@ -27,7 +27,7 @@ def _slope(time: float, state: Floats, system: Any, out: Floats) -> None:
     derivative(time, state, system, out)
 
 
-@kernel
+@making_kernel
 def _matrix(time: float, state: Floats, system: Any, out: Floats) -> None:
     jacobian(time, state, system, out, np.empty(state.size), np.empty(state.size))
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from synth.kernels.collocation import NODES, POINTS, advance, change, couple, last_terms, turned
-from synth.kernels.compiled import kernel, making_kernel
+from synth.kernels.compiled import kernel
 from synth.kernels.lanes import load, store, total
 from synth.phase import Floats
 
@@ -39,10 +39,10 @@ class Law(NamedTuple):
     linear: bool
 
 
-@making_kernel
+@kernel
 def march(
     state: Floats, remainder: Floats, forcing: Forcing, law: Law, floor: Floats, stop: float, points: Floats,
-    report: Floats,
+    report: Floats, room: Floats,
 ) -> int:  # fmt: skip
     """Carry pendulums through consecutive intervals; how many were done, fewer if iteration does not converge.
 
@@ -51,12 +51,13 @@ def march(
     for in relation to y alone; `stop` the change of r, relative, from which an iteration is the last. `points`
     (pendulums, intervals or more, POINTS) receives y at start, nodes and end. `report` (pendulums, 5), raised, never
     reset: squares of the largest last and last but one pair of Legendre coefficients of r, sum of r, and y; iterations.
+    `room`: (4, pendulums, NODES).
     """
     flow, inner, guess, end, propagator, tail, linear = law
     steady, vertical, horizontal, drive, impulses = forcing
     pendulums, intervals = steady.shape[0], steady.shape[1]
-    base, theta = np.empty((pendulums, NODES)), np.empty((pendulums, NODES))
-    known = np.empty((2, pendulums, NODES))  # r of this turn and of the turn before, in either order
+    base, theta = room[0], room[1]
+    known = room[2:]  # r of this turn and of the turn before, in either order
     for p in range(pendulums):  # a loop: Numba compiles seconds of messages for arrays that are assigned
         store(known, (0, p, 0), load(remainder, (p, 0)))
     now, unchecked = 0, 0

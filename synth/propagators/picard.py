@@ -65,10 +65,10 @@ class PicardPlan:
 
     def elongation(self) -> tuple[Floats, float]:
         """All angles, (pendulums, readings) rad, and the relative error; `RefusedError` if too violent."""
-        theta, error, done = np.empty((len(self.frequencies), self.times.count)), 0.0, 0
-        for angles, so_far in strides(self):
-            here = slice(done, done + angles.shape[1])
-            theta[:, here], error, done = angles, max(error, so_far), here.stop
+        theta, error = self.times.values(self.steady), 0.0
+        for first, points, readings, so_far in strides(self):
+            readings.read(points, first, theta[:, readings.portion(first, points.shape[1])])
+            error = max(error, so_far)
         return theta, error
 
     def readings(self) -> list[Readings]:
@@ -119,14 +119,15 @@ def _at_least_one(motion: HarmonicSum) -> HarmonicSum:
     return motion if motion.angular_frequency.size else HarmonicSum(np.zeros(1), np.zeros(1, dtype=np.complex128))
 
 
-def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
-    """Angles of stride after stride, (pendulums, readings) rad, and the estimate of the largest error up to there.
+def strides(plan: PicardPlan) -> Iterator[tuple[int, Floats, Readings, float]]:
+    """Of stride after stride its first interval, y at points of its intervals, (pendulums, intervals, POINTS) rad, the
+    readings among intervals so long, and the estimate of the largest error up to there.
 
     `RefusedError` if intervals of a thousandth of the planned length are still too long.
     """
     shown = len(plan.frequencies)
     lengths = plan.readings()
-    levels = [Level(plan, lengths.pop(0), shown)] if lengths[0].intervals else []
+    levels = [Level(plan, lengths.pop(0))] if lengths[0].intervals else []
     state = np.zeros((shown, 4))
     state[:, 0], state[:, 2] = plan.rest()
     remainder = np.zeros((shown, NODES))
@@ -141,19 +142,19 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
             # The growth of errors must be measured, from the start of this stride on.
             estimate = estimate.shadowed(tried)
             plan = plan.shadowed()
-            levels = [Level(plan, each.readings, shown) for each in levels]
+            levels = [Level(plan, each.readings) for each in levels]
             state, remainder = np.tile(state, (2, 1)), np.tile(remainder, (2, 1))
             estimate.nudge(state)
         elif result is not None:
             state, remainder, estimate = carried, known, tried
             done += count
-            yield result, estimate.relative
+            yield done - count, result, level.readings, estimate.relative
             calm += 1
             if depth and calm >= patience:
                 depth, done, calm = depth - 1, done // 2, 0
                 remainder = np.zeros_like(remainder)
         elif done == 0 and depth == 0 and lengths:
-            levels = [Level(plan, lengths.pop(0), shown)]
+            levels = [Level(plan, lengths.pop(0))]
             remainder = np.zeros_like(remainder)
         else:
             if depth == _MOST_HALVINGS:
@@ -166,13 +167,14 @@ def strides(plan: PicardPlan) -> Iterator[tuple[Floats, float]]:
             depth, done, calm = depth + 1, 2 * done, 0
             remainder = np.zeros_like(remainder)
             if depth == len(levels):
-                levels.append(Level(plan, level.readings.halved(), shown))
+                levels.append(Level(plan, level.readings.halved()))
 
 
 def _stride(
     level: Level, first: int, count: int, state: Floats, remainder: Floats, estimate: "Estimate"
 ) -> Floats | None:
-    """March `count` intervals; state, remainder and estimate move on. Return theta, or none if it went wrong."""
+    """March `count` intervals; state, remainder and estimate move on. Return y at their points, of all pendulums that
+    are shown, or none if it went wrong."""
     forcing = level.forcing(first, count)
     peak = np.array([_largest(each) for each in forcing.steady])
     zeta, u, rest = (_largest(each) for each in (forcing.vertical, forcing.horizontal, forcing.drive))
@@ -183,17 +185,14 @@ def _stride(
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
     stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
-    done = march(state, remainder, forcing, level.law, floor, stop, level.points, report)  # whole: a part compiles anew
+    done = march(state, remainder, forcing, level.law, floor, stop, level.points, report, level.room)  # whole: a part compiles anew
     points = level.points[:, :count]
     if done < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)
     if not np.all(estimate.beyond <= _RESOLVED * estimate.peak):  # r is no polynomial of the nodes' degree
         return None
-    portion = level.readings.portion(first, count)
-    theta = level.readings.times.stretch(portion.start, portion.stop).values(level.shown)
-    level.readings.read(points[: len(theta)], first, theta)
-    return theta
+    return points[: estimate.shown]
 
 
 def _largest(values: Floats) -> float:

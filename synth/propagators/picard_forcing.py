@@ -125,9 +125,9 @@ class Readings:
 
 
 class Level:
-    """One length of intervals: forcing, weights and readings of a plan, of whose pendulums the first are `shown`."""
+    """One length of intervals: forcing, weights and readings of a plan."""
 
-    def __init__(self, plan: "PicardPlan", readings: Readings, shown: int) -> None:
+    def __init__(self, plan: "PicardPlan", readings: Readings) -> None:
         blocks = min(_BLOCKS, -(-readings.intervals // GROUP))
         self.readings = readings
         self.most = blocks * GROUP
@@ -141,9 +141,9 @@ class Level:
         else:
             self._grids = [Grid(each, readings.interval, GROUP) for each in (vertical, horizontal)]
         self.points = np.empty((self._pendulums, self.most, POINTS))
+        self.room = np.empty((4, self._pendulums, NODES))
         self._still = np.zeros((self.most, NODES))
         self._plan = plan
-        self.shown = horizontal.some(slice(shown))
         own = [[Fraction(each) for each in values.tolist()] for values in (plan.frequencies, plan.damping_rates)]
         sets = [core.weights(n**2, 2 * gamma, readings.interval, n) for n, gamma in zip(*own, strict=True)]
         flow, inner, end, propagator, _ = (np.array(column) for column in zip(*sets, strict=True))

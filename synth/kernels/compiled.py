@@ -100,10 +100,11 @@ class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
         return int(super().get_pointer_to_function(name))
 
     def _make_own(self) -> None:
-        """Tell LLVM that nobody else calls the parts: it drops arguments without use, and takes small parts in."""
+        """Tell LLVM that nobody else calls the parts: it drops arguments without use, and takes small parts in. By
+        other names, as what is emitted later would be bound to them: code of others has parts of its own."""
         for each in self._final_module.functions:
             if not each.is_declaration and each.linkage.name == "linkonce_odr":
-                each.linkage = "internal"
+                each.linkage, each.name = "internal", f"{each.name}.part"
                 if sum(1 for _ in each.blocks) > _LARGE:
                     each.add_function_attribute("noinline")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import math
 import os
 import subprocess
 import sys
@@ -276,6 +278,53 @@ def test_arrays_go_only_between_kernels_that_both_count_references_or_both_do_no
     with pytest.raises(Exception, match="returns arrays: it and who calls it count references, or neither"):
         ways[not counts](outer)(np.ones(2))
     assert ways[counts](outer)(np.ones(2)) == 1.0
+
+
+def branching(values: Any, turns: int) -> float:
+    """Too large to be taken in by its callers, with an argument, the array's parent, that it makes no use of."""
+    total = 0.0
+    for k in range(values.size):
+        x, y = values[k], 0.0
+        for _ in range(turns):
+            y += math.sin(x) if x > 1.0 else math.cos(x)
+            y += math.exp(-x) if y > 1.0 else math.sqrt(1.0 + x * x)
+        for n in range(turns):
+            y += math.sin(x + n) if x > 1.0 else math.cos(x - n)
+            y += math.exp(-x * n) if y > 1.0 else math.sqrt(n + x * x)
+        for n in range(turns):
+            y += math.atan(x + n) if x > 1.0 else math.tanh(x - n)
+            y += math.exp(-x / (1 + n)) if y > 1.0 else math.sqrt(n + x * x)
+        total += y
+    return total
+
+
+@pytest.mark.compiled
+def test_code_of_others_calls_a_part_as_it_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a kernel makes of its part, without arguments that are not used, has another name."""
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+    part, values = compiled.kernel(branching), np.arange(3.0)
+
+    def twice(values: Any) -> float:
+        return part(values, 1) + part(values, 2)
+
+    def other(values: Any) -> float:
+        return part(values, 3)
+
+    assert compiled.kernel(twice)(values) == pytest.approx(branching(values, 1) + branching(values, 2))
+    assert numba.njit(other)(values) == pytest.approx(branching(values, 3))
+
+
+SCALAR = {"np.sqrt", "np.rint", "np.hypot", "np.log", "np.sin", "np.cos", "np.isfinite"}
+"""What of NumPy kernels call that make no arrays: what returns one would never free it there."""
+
+
+def test_kernels_that_count_no_references_make_no_arrays() -> None:
+    for path in [*(cache.ROOT / "synth").rglob("*.py"), *(cache.ROOT / "pipeline").rglob("*.py")]:
+        for each in ast.walk(ast.parse(path.read_text())):
+            ways = {ast.unparse(way) for way in getattr(each, "decorator_list", ())}
+            if ways & {"kernel", "summing_kernel"}:
+                called = {ast.unparse(call.func) for call in ast.walk(each) if isinstance(call, ast.Call)}
+                assert {name for name in called if name.startswith("np.")} <= SCALAR, f"{path}: {each.name}"
 
 
 def test_a_kernel_through_the_registry_is_made_from_all_that_is_registered() -> None:

@@ -152,7 +152,7 @@ def peers(path: str | os.PathLike[str], truth: Truth) -> Iterator[tuple[str, Row
     ends = [(int(np.nanmin(line)) - _BESIDE, int(np.nanmax(line)) + _BESIDE) for line in truth.column]
     scan, _ = open_film(path)
     windows = [slice(max(0, first), min(scan.columns, last)) for first, last in ends]
-    rowwise = {"column argmax": _darkest, "centroid": _centroid}
+    rowwise = {"column argmax": lambda light: np.argmax(light, axis=1) + 0.5, "centroid": _centroid}
     for name in (*rowwise, *(["cheapest path"] if importlib.util.find_spec("skimage") else [])):
         started = time.process_time()
         position = np.full((len(windows), scan.rows), np.nan)
@@ -177,10 +177,6 @@ def _cheapest_path(light: Floats) -> Floats:
     ends = [(0, int(np.argmin(cost[0]))), (len(cost) - 1, int(np.argmin(cost[-1])))]
     row, column = np.array(route(cost, *ends)[0]).T
     return np.asarray(0.5 + np.bincount(row, column, len(cost)) / np.bincount(row, minlength=len(cost)))
-
-
-def _darkest(light: Floats) -> Floats:
-    return np.asarray(np.argmax(light, axis=1) + 0.5)
 
 
 def _centroid(light: Floats) -> Floats:

@@ -4,9 +4,10 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from data_schemas.contents import identifier
 from data_schemas.errors import RefusedError, UsageError
@@ -23,9 +24,6 @@ from pipeline.film.reading import Reading, accepted_fraction, read_traces
 from pipeline.film.scan.opening import OpenScan, open_scan
 from pipeline.film.wander import Paper, paper_motion
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 SOME_SWINGS, LEAST_BLOCKS = 10.0, 6  # by which the period of the swing is told; and fewest blocks of so many
 OFFSET = 0.3  # mm along the film, 1 sigma, of a trace from marks beside it
 AMBIGUOUS, LOST = (np.uint16(ELONGATION_FLAGS[name]) for name in ("ambiguous", "lost"))
@@ -36,7 +34,7 @@ def digitise(
     paths: Paths, description: FilmDescription | None = None, *, options: FilmOptions | None = None,
     edits: FilmEdits | str | os.PathLike[str] | None = None, rows: tuple[int, int | None] | None = None,
     jobs: int = 1, progress: Progress | None = None,
-) -> "xr.DataTree":  # fmt: skip
+) -> xr.DataTree:  # fmt: skip
     """Read the image of a film into a record.
 
     Parameters
@@ -109,14 +107,12 @@ def open_film(
     return open_scan(paths, dpi=known.dpi, orientation=orientation, lines=lines), known
 
 
-def make_record(reading: Reading, known: Known, name: str) -> "xr.DataTree":
+def make_record(reading: Reading, known: Known, name: str) -> xr.DataTree:
     """Turn a reading into a record, called `name` where the description gives no identifier.
 
     Elongations, rad, count from each trace's mean place. `RecordError`: the traces found are not those described;
     `UsageError`: several traces, but no periods or no gravity at which they hold.
     """
-    import xarray as xr
-
     axis, samples = reading.axis, reading.samples
     traces, order, rest = known.as_described(samples.column, reading.scale)
     kept = [k for k, found in enumerate(order) if found not in reading.left_out]
@@ -262,7 +258,7 @@ def scale_error(reading: Reading, nominal: float | None) -> float | None:
     return abs(reading.axis.rows_per_second * reading.scale / nominal - 1.0)
 
 
-def summary(record: "xr.DataTree", reading: Reading) -> dict[str, Any]:
+def summary(record: xr.DataTree, reading: Reading) -> dict[str, Any]:
     """Numbers of a reading and of its record, plain; missing_fraction is of the samples, by trace."""
     traces, film = record["record"].dataset, record["film"].dataset.attrs
     labels = [str(label) for label in traces["trace"].values]

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from data_schemas.errors import RecordError, UsageError
 from data_schemas.film_description import (
@@ -21,9 +22,6 @@ from data_schemas.variables import dataset
 from pipeline.film.parts import Floats, Marking, TimeAxis
 from pipeline.film.scan.opening import MM_PER_INCH
 from pipeline.importing.record import by_number, combine, need_period_and_gravity, periods_by_label
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 ASSUMED_LEVER = 2000.0  # mm rad-1; historic levers were found in no source
 _FACTOR = 5.0  # mm: a swing wrong by a factor of e counts as a place wrong by this
@@ -136,7 +134,7 @@ class Known:
 
     def instrument(
         self, pendulums: Sequence[Any], time: Floats, found: Mapping[str, float | None], *, needed: bool
-    ) -> "xr.Dataset | None":
+    ) -> xr.Dataset | None:
         """The group /instrument of a record; None where nothing is known of it nor needed.
 
         `time` (samples,) is the record's, s; `found`: 1 sigma that the reading adds to constants, None where to none.

@@ -3,8 +3,7 @@
 The state's covariance holds what is random (ship, kicks); whatever is a constant (gravity, damping, zeros, the start of
 the free swing) is a column beside it: the prediction's derivative, taken through the same gain. One sweep then gives
 the normal matrix of all constants, whose priors can be chosen afterwards (de Jong 1991). With even sampling the gain
-settles and is kept; a gap lets it move again. What runs at each node makes no views of arrays and calls no kernel that
-takes arrays, `sweep` apart: Numba would count references there, which costs more than the arithmetic.
+settles and is kept; a gap lets it move again.
 """
 
 from typing import NamedTuple
@@ -36,14 +35,14 @@ class Room(NamedTuple):
     moved: Floats  # (d, d) the covariance with a node's readings; carried on by the step
     state: Floats  # (d, c + 1) as `Pass.state`, with a node's readings
     slots: Slots
+    steps: Steps  # n of them
     root: Floats  # (u, u) of the readings' covariance
     seen: Floats  # (u, c + 1) readings as predicted less as read, with their derivatives
     gain: Floats
     old_gain: Floats  # (u, d)
     buffer: Floats  # (ROWS, c + 1) whitened errors with their derivatives
     square: Floats  # (c + 1, c + 1)
-    path: Floats  # (n + 1, d) along n steps
-    steps: Steps  # n of them
+    path: Floats  # (n + 1, d) along the steps
 
 
 def room_for(task: Task, begin: int, end: int, of: Pass) -> Room:
@@ -56,8 +55,8 @@ def room_for(task: Task, begin: int, end: int, of: Pass) -> Room:
     shapes = ((u, u), (u, width), (u, size), (u, size), (ROWS, width), (width, width), (n + 1, size))
     return Room(
         ahead.copy(), np.ascontiguousarray(ahead.T), np.empty((size, size)), np.empty((size, size)),
-        np.empty((size, width)), slots, *map(np.zeros, shapes),
-        remainder.room_for(task.flow, task.columns.forced.size, n),
+        np.empty((size, width)), slots, remainder.room_for(task.flow, task.columns.forced.size, n),
+        *map(np.zeros, shapes),
     )  # fmt: skip
 
 
@@ -116,14 +115,6 @@ def keep_step(keep: Kept, s: int, ahead: Floats, push: Floats, at: int) -> None:
     for n in range(push.shape[0]):
         for r in range(push.shape[1]):
             keep.push[s, n, r] = push[n, r, at]
-
-
-@kernel
-def keep_errors(keep: Kept, start: int, slots: Slots, used: int, seen: Floats) -> None:
-    """Keep the whitened errors of a node's readings."""
-    for j in range(used):
-        for c in range(seen.shape[1]):
-            keep.errors[slots.reading[j] - start, c] = -seen[j, c]
 
 
 @kernel
@@ -223,8 +214,9 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
             of.totals[0] += np.log(product)
             product = 1.0
         of.totals[1] += used
-        if keep.errors.shape[0] > 0:
-            keep_errors(keep, readings.first[begin], slots, used, seen)
+        for j in range(used if keep.errors.shape[0] > 0 else 0):
+            for c in range(constants + 1):
+                keep.errors[slots.reading[j] - readings.first[begin], c] = -seen[j, c]
         if keeping:
             if moving and used > 0:
                 kept, end_kept = end_kept, end_kept + used

@@ -60,17 +60,11 @@ class Outcome:
         parts = [f"restoring = {law(model)}", *([errors] if errors else []), *named, *faults, *self.still]
         others: dict[str, float] = {}  # the likeliest of each kind
         for value, other, _ in self.close:
-            words, ahead = _difference(model, other), value - self.fit.solution.log_likelihood
+            another, ahead = other.assumed.sine != model.assumed.sine, value - self.fit.solution.log_likelihood
+            words = f"restoring = {law(other)}" if another else (other.words or ("nothing else",))[-1]
             others[words] = max(others.get(words, ahead), ahead)
         near = [f"{words} at {ahead:+.1f}" for words, ahead in others.items()]
         return "; ".join(parts) + (f" (close in log-likelihood: {', '.join(near)})" if near else "")
-
-
-def _difference(model: explanation.Model, other: explanation.Model) -> str:
-    """What another explanation says, in a word."""
-    if other.assumed.sine != model.assumed.sine:
-        return f"restoring = {law(other)}"
-    return (other.words or ("nothing else",))[-1]
 
 
 def reduce(gathered: Gathered) -> Outcome:

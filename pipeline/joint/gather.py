@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from xarray import DataTree
 
 from data_schemas.errors import RecordError, RefusedError
 from pipeline.arrays import Floats, evened
@@ -16,9 +17,6 @@ from pipeline.joint.lattice import FAST_ANGLE, Lattice, lay, shared_angle
 from pipeline.joint.problem import Problem
 from pipeline.ledger import earth
 from pipeline.observation import instrument
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 LEAST_SWINGS = 20.0
 DENSE = 5.0  # recorded heave with so many values a period of its fastest waves is interpolated, s-1
@@ -58,7 +56,7 @@ class Gathered:
     """The same with as many nodes as readings, for motion that the traces do not show before they are fitted."""
 
 
-def gather(record: "DataTree", *, calm: bool = True) -> Gathered:
+def gather(record: DataTree, *, calm: bool = True) -> Gathered:
     """Lay a record out; unless it is calm, with as many nodes as readings. RecordError where period or gravity is
     missing or no trace has a reading, RefusedError where the record is too short."""
     stored = record["record"].dataset
@@ -149,7 +147,7 @@ def gather(record: "DataTree", *, calm: bool = True) -> Gathered:
     )  # fmt: skip
 
 
-def _of_single_traces(record: "DataTree", traces: tuple[str, ...], constants: dict[str, Any]) -> None:
+def _of_single_traces(record: DataTree, traces: tuple[str, ...], constants: dict[str, Any]) -> None:
     """Constants of single traces in the record's order; RecordError where the instrument does not name them all."""
     stored = record["instrument"].dataset
     labels = [str(label) for label in stored["trace"].values] if "trace" in stored else []
@@ -162,7 +160,7 @@ def _of_single_traces(record: "DataTree", traces: tuple[str, ...], constants: di
 
 
 def _from_the_vertical(
-    record: "DataTree", time: Floats, series: Floats, combination: Floats
+    record: DataTree, time: Floats, series: Floats, combination: Floats
 ) -> tuple[Floats, Floats, bool]:
     """Traces, (t, n), measured from the vertical where the tilt of the case is recorded; the noise that this adds to
     each, (t,); and whether the tilt is not known, so that the horizontal acceleration in the earth's frame must tell it
@@ -207,7 +205,7 @@ def _track(known: dict[str, Any], time: Floats, lattice: Lattice) -> Floats:
     return np.asarray(np.interp(nodes[:, None] + lattice.step * NODES, time, change) - mean)
 
 
-def _shown(record: "DataTree") -> tuple[float, float]:
+def _shown(record: DataTree) -> tuple[float, float]:
     """The period of the swing, s, that a film shows between its marks, and its 1 sigma; NaN where it tells none."""
     stated = record["film"].attrs if "film" in record.children else {}
     try:
@@ -217,7 +215,7 @@ def _shown(record: "DataTree") -> tuple[float, float]:
     return period, sigma
 
 
-def _of_film(record: "DataTree", time: Floats, lattice: Lattice) -> tuple[float, float, tuple[float, ...], Floats]:
+def _of_film(record: DataTree, time: Floats, lattice: Lattice) -> tuple[float, float, tuple[float, ...], Floats]:
     """1 sigma of a film's times, s; the marks' own noise, s3/2; times of steps of the paper, s since the first node;
     the mean speed over that at each reading, which is slower where delays are longer; empty where it is not stated."""
     stated, film = record["record"].dataset.get("time_uncertainty"), record["film"].attrs

@@ -23,14 +23,12 @@ SAME_LINE = 0.2  # in the logarithm of the frequency
 QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
-TWICE = (1e-5, 1e-4, 1e-3)  # over reference gravity: vertical motion at twice the swing's frequency, which hides in it
 NEAR, NEAR_SIZES = np.array([1.0, 10.0]), (1e-6, 1e-5)
 """Of motion at the swing's own frequency: widths over what the record tells apart; over reference gravity."""
 ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
 CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
 LIKE_KICKS = 0.02  # of its frequency, a width
 ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
-RARE = 500.0  # in log-likelihood, of that: kicks and friction that is not met do nearly the same
 TURN, MOST_TURN = 1.5, 6.0  # rad of a motion in a step of the lattice that is followed; of one that is still priced
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
@@ -109,11 +107,11 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
     if len(ship) >= len(model.begun) + MOST_COMPONENTS:
         return
 
-    def of(assumed: Assumed, cost: float = COMPONENT) -> Candidate:
+    def of(assumed: Assumed) -> Candidate:
         found = assumed.ship[-1]
         words = f"{found.axis} motion at {found.peak / (2.0 * np.pi):.2f} Hz"
         trial = model.adding(words, assumed=assumed)
-        candidate = priced(trial, fit.path, cost=cost + ASKEW * (found.axis == "transverse"))
+        candidate = priced(trial, fit.path, cost=COMPONENT + ASKEW * (found.axis == "transverse"))
         turn = 0.0 if model.problem.lattice.dense else found.peak * model.problem.lattice.step
         if turn > MOST_TURN or (turn > TURN and candidate.value > fit.solution.log_likelihood + PAYS):
             raise UnresolvedError
@@ -139,10 +137,6 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
         assumed, gain = shown.likeliest(replace(model.assumed, ship=(*ship, line)), last=True)
         if gain > COMPONENT and not _like_kicks(assumed.ship[-1], model.problem.swing):
             yield of(assumed)
-    if slow and model.problem.leaves_heave_open(model.assumed.sine):
-        twice = 2.0 * model.problem.swing
-        lines = [Engine(twice, OWN * OWN * twice, size, "vertical") for size in TWICE]
-        yield from (of(replace(model.assumed, ship=(*ship, line)), RARE) for line in lines)
 
 
 def with_the_swing(fit: Fitted) -> Iterator[Candidate]:

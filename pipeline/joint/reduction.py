@@ -2,9 +2,9 @@
 
 import time as clock
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import DataTree
 
 from pipeline.arrays import Floats
 from pipeline.conditions import MGAL
@@ -19,9 +19,6 @@ from pipeline.ledger.own import CASE_TILT
 from pipeline.observation import Observation, choose_pair, instrument
 from pipeline.prepared import Estimate, Prepared
 from pipeline.reduction import Reduction, flags, gravity
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 KINDS = {"kicks": "random-kicks", "gravity changes": "gravity-changes"}
 MOST_TURN = 0.7  # rad of the swing between samples of the path, for its third harmonic to show
@@ -98,7 +95,7 @@ class Joint:
         return out
 
 
-def reduce_jointly(record: "DataTree", pair: str | None, gain_uncertainty: float) -> Joint:
+def reduce_jointly(record: DataTree, pair: str | None, gain_uncertainty: float) -> Joint:
     """Fit the joint model to a record; RecordError, RefusedError, UsageError as `pipeline.process`."""
     started = clock.perf_counter()
     gathered = gather(record)
@@ -136,7 +133,7 @@ def reduce_jointly(record: "DataTree", pair: str | None, gain_uncertainty: float
     return Joint(reduction, prepared, outcome, (one, second))
 
 
-def _tilt(record: "DataTree", gathered: Gathered, fit: Fitted, first: int) -> dict[str, tuple[float, float, str]]:
+def _tilt(record: DataTree, gathered: Gathered, fit: Fitted, first: int) -> dict[str, tuple[float, float, str]]:
     """The ledger's entry of a case from which the record measures."""
     stored, lattice = record["record"].dataset, fit.model.problem.lattice
     if gathered.tilts:
@@ -152,7 +149,7 @@ def _tilt(record: "DataTree", gathered: Gathered, fit: Fitted, first: int) -> di
     return {CASE_TILT.NAME: (value, 0.0, f"rms {1e3 * float(np.std(tilt)):.2f} mrad")}
 
 
-def _prepared(record: "DataTree", fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:
+def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tuple[int, int]) -> Prepared:
     """The smoothed path of a pair of pendulums as an observation like any other."""
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     parts = int(np.ceil(lattice.step * problem.swing / MOST_TURN))

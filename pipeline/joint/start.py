@@ -1,6 +1,5 @@
 """From a cold start to a first fit: a swing followed over longer and longer stretches, then all of the record."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -96,10 +95,6 @@ def _one_of(fits: list[Fitted | None], reference: float) -> Fitted | None:
                 f"{_period(there[1]):.6f} s alike, their gravities lie {apart:.0f} mGal apart; give readings between"
             )
     return there[0] if there else None
-
-
-def _likeliest(fits: Iterable[Fitted | None]) -> Fitted | None:
-    return max((fit for fit in fits if fit is not None), key=lambda fit: fit.standing, default=None)
 
 
 def _with_difference(fit: Fitted) -> Fitted:
@@ -256,7 +251,7 @@ def _level_or_heaving(model: Model, rough: Fitted) -> tuple[Fitted, Fitted] | No
     if open_heave:
         assumed = motion.heaving(rough, level)
         heaving = attempted(replace(model, assumed=assumed, begun=assumed.ship), path, smooth=True, most=1)
-    best = _likeliest((fit, heaving))
+    best = heaving if fit is None else likelier(fit, heaving)
     if best is None:
         return None
     if fit is not None and not (best is not fit and motion.is_white(best, problem.differences)):

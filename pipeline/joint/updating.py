@@ -1,4 +1,4 @@
-"""Rows of a node's readings in the state, and what they move it by; without views, see `pipeline.joint.filtering`."""
+"""Rows of a node's readings in the state, and what they move it by."""
 
 import numpy as np
 

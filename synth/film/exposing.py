@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, NamedTuple, Self
+from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from data_schemas import film_description
@@ -29,9 +30,6 @@ from synth.film.strips import Crossings, Development, Exposure, blurred, quantis
 from synth.phase import Floats
 from synth.recording.observe import described, label_array
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 class Exposed(NamedTuple):
     """What was made: size of the image, px; length of the film, m; labels of the traces; paths."""
@@ -51,9 +49,9 @@ def film_truth_path(film: str | os.PathLike[str]) -> Path:
 
 
 def expose(
-    source: "xr.DataTree | Scene", film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
-) -> "xr.DataTree":  # fmt: skip
+) -> xr.DataTree:  # fmt: skip
     """Expose a film to a record or a scene, develop and scan it; returns its truth.
 
     Three files are made: the image (BigTIFF in strips of 1024 rows, along the film), NAME.film.toml, what an observer
@@ -101,7 +99,7 @@ def expose(
 
 
 def expose_to(
-    source: "xr.DataTree | Scene", film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
+    source: xr.DataTree | Scene, film: Film | str | None, path: str | os.PathLike[str], *, seed: int | None = None,
     overwrite: bool = False, progress: Callable[[int, int], object] | None = None,
 ) -> Exposed:  # fmt: skip
     """As `expose`, strip by strip: the truth is not read back. What grows with the film are its samples and marks."""

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from data_schemas.checking import faults
 from data_schemas.contents import Contents, Group, from_tree
@@ -12,9 +13,6 @@ from data_schemas.errors import RecordError
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Recording
 from synth.phase import Floats
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 RATE = 100  # Samples a second of a scene: a spline of degree 5 then errs by 1e-9 of a swing of 1 s
 FEWEST = 8  # Samples a period that a record must have: the spline errs by 1e-5 of the swing at 8, by 1e-4 at 5
@@ -45,7 +43,7 @@ class Source:
     scene: Scene | None
 
 
-def source_of(given: "xr.DataTree | Scene") -> Source:
+def source_of(given: xr.DataTree | Scene) -> Source:
     """Make a source of a record or a scene; `SceneError` as `synth.simulate`.
 
     `RecordError`: the record breaks its layout, or is sampled too coarsely to draw its curve.

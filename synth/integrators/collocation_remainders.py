@@ -2,7 +2,6 @@
 
 A system that can be collocated registers a kernel `remainder(work, sideways, upwards, system, now)`, from position and
 rate of the `Work` of a march into its `known[now]`; sideways and upwards are the ship's acceleration (NODES,) or None.
-Arrays are indexed, never cut: each view would count references.
 
 Two passes over the pendulums: what each does to the support, then what the support does to each.
 """

@@ -108,12 +108,10 @@ def attempt(time: float, h: float, space: Space, system: Any) -> None:
         k[11, i] = slope[i]
         base = k[0, i]
         # the weights add up to 1: summed as differences from the first slope, the large ones make no rounding
-        total = _B[5] * (k[5, i] - base) + _B[6] * (k[6, i] - base) + _B[7] * (k[7, i] - base)
-        total += _B[8] * (k[8, i] - base) + _B[9] * (k[9, i] - base) + _B[10] * (k[10, i] - base)
-        total += _B[11] * (slope[i] - base)
-        small = _FIRST * base + _L[1] * k[1, i] + _L[2] * k[2, i] + _L[3] * k[3, i] + _L[4] * k[4, i]
-        small += _L[5] * k[5, i] + _L[6] * k[6, i] + _L[7] * k[7, i] + _L[8] * k[8, i] + _L[9] * k[9, i]
-        small += _L[10] * k[10, i] + _L[11] * slope[i]
+        total, small = 0.0, _FIRST * base
+        for j in range(1, 12):
+            total += _B[j] * (k[j, i] - base)
+            small += _L[j] * k[j, i]
         increment[i] = h * (base + (total + small))
 
 

@@ -5,8 +5,6 @@ Kernels of the remainder are odd in (theta, u, drive) to the last bit.
 
 from typing import NamedTuple
 
-import numpy as np
-
 from synth.kernels.collocation import NODES, POINTS, advance, change, couple, last_terms, turned
 from synth.kernels.compiled import kernel
 from synth.kernels.lanes import load, store, total

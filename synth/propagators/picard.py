@@ -185,8 +185,9 @@ def _stride(
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
     stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
-    done = march(state, remainder, forcing, level.law, floor, stop, level.points, report, level.room)  # whole: a part compiles anew
-    points = level.points[:, :count]
+    points = level.points  # whole: a part compiles anew
+    done = march(state, remainder, forcing, level.law, floor, stop, points, report, level.room)
+    points = points[:, :count]
     if done < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pebble import ProcessExpired, ProcessFuture, ProcessPool
+from xarray import DataTree
 
 from data_schemas.errors import IsochronyError
 from pipeline.joint import choice
@@ -14,9 +15,6 @@ from pipeline.joint.explanation import fitted
 from pipeline.joint.gather import gather
 from pipeline.joint.problem import Problem
 from pipeline.joint.reduction import Joint, reduce_jointly
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ class Gravity:
     refused: str | None = None
 
 
-def going_on(record: "DataTree", last: Joint | None) -> Gravity:
+def going_on(record: DataTree, last: Joint | None) -> Gravity:
     """Gravity by an earlier reduction, refitted, its additions kept; none where the record reaches over other times."""
     if last is None or last.reduction.gravity is None:
         return Gravity()
@@ -69,7 +67,7 @@ class Refining:
         """Whether a reduction is under way."""
         return self._reduction is not None
 
-    def begin(self, record: "DataTree") -> None:
+    def begin(self, record: DataTree) -> None:
         """Reduce a record; what was under way is stopped."""
         self.stop()
         self._reduction = self._pool.schedule(_reduce, args=[record.to_dict()])
@@ -101,6 +99,4 @@ class Refining:
 
 
 def _reduce(groups: dict[str, Any]) -> Joint:
-    from xarray import DataTree
-
     return reduce_jointly(DataTree.from_dict(groups), None, 0.0)

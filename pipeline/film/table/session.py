@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import ValidationError
+from xarray import DataTree
 
 from data_schemas.checksum import numbers_sha256
 from data_schemas.errors import IsochronyError, RecordError, RefusedError
@@ -28,9 +29,6 @@ from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.reading import Reading, read_traces
 from pipeline.film.table.doubtful import doubtful
 from pipeline.film.table.refining import Gravity, Refining, going_on
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 TILE = 512  # px, of a side
 
@@ -50,7 +48,7 @@ class Session:
     jobs: int
     reading: Reading | None = None
     refusal: IsochronyError | None = None
-    record: "DataTree | None" = None  # as it is now; None where the film is refused
+    record: DataTree | None = None  # as it is now; None where the film is refused
     saved_at: str | None = None
 
     def __post_init__(self) -> None:

@@ -205,7 +205,9 @@ def test_a_pendulum_that_hangs_still() -> None:
 
 def test_strides_follow_each_other_and_are_bounded() -> None:
     plan = make([(0.03, 0.02)], SWELL, HEAVE, times=EvenTimes(Fraction(1, 5), 2501))
-    begins, counts, errors = zip(*((first, y.shape[1], error) for first, y, _, error in picard.strides(plan)), strict=True)
+    begins, counts, errors = zip(
+        *((first, y.shape[1], error) for first, y, _, error in picard.strides(plan)), strict=True
+    )
     assert len(counts) > 1
     assert list(begins) == [sum(counts[:k]) for k in range(len(counts))]
     assert list(errors) == sorted(errors)

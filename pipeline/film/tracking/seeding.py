@@ -104,7 +104,7 @@ def _prove(
 def _apart(piece: Piece, rows: NDArray[np.int64], column: Floats) -> float:
     """How far columns lie from the course of a piece on some rows, across the line, px."""
     course, slope = place_and_rate(piece.states[rows, 0])
-    return float(np.median(np.abs(course - column) / np.sqrt(1.0 + slope**2)))
+    return float(np.median(np.abs(course - column) / np.hypot(1.0, slope)))
 
 
 def _on(seed: Swing, piece: Piece, first: int, spot: float) -> bool:

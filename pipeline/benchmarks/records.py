@@ -117,7 +117,10 @@ def of_case(case: Case, random: Random, label: str) -> Made:
     if case.rocking:
         support = _rocking(support, case, float(own.length.mean()))
     if case.plane:
-        chance, planes = random.spawn(1)[0], [support, _turned(support, case, random)]
+        chance, phases = random.spawn(1)[0], random.uniform(0.0, 2.0 * np.pi, support.across.size)
+        # a plane at an angle to the first feels some of a sea across, whose phases are its own
+        across = np.cos(case.plane) * support.across + np.sin(case.plane) * support.across * np.exp(1j * phases)
+        planes = [support, support._replace(across=across)]
         rows = [_swing(both, own, each, case, frequency, copy.deepcopy(chance))[k] for k, each in enumerate(planes)]
         angles = np.array(rows)
     else:
@@ -168,12 +171,6 @@ def _rocking(support: plain.Support, case: Case, length: float) -> plain.Support
         along=np.append(support.along, apparent - turning),
         gravity=np.append(support.gravity[0] + apparent + turning, support.gravity[1:]),
     )
-
-
-def _turned(support: plain.Support, case: Case, random: Random) -> plain.Support:
-    """What a plane of swing at an angle to the first feels: some of a sea across, whose phases are its own."""
-    other = support.across * np.exp(1j * random.uniform(0.0, 2.0 * np.pi, support.across.size))
-    return support._replace(across=np.cos(case.plane) * support.across + np.sin(case.plane) * other)
 
 
 def _pulses(case: Case, random: Random) -> Floats:

@@ -31,7 +31,6 @@ MOST_SPREAD = 30.0
 REPLACED = 0.3  # of a swing, by kicks within the record
 SELDOM, UNLIKELY, FAR = 6.0, 0.1, 50.0  # in log-likelihood, that a case tilts unsaid; share that is left out; any
 SLOWER, TILTS, HELPS = 0.4, 10.0, 0.02  # of the swing's frequency, up to which a case tilts; in log-likelihood; of it
-HALF = 0.5
 SUSPECT, AGAIN = 0.02, 2  # share of readings left out that is considered again, so many times at most
 ROUNDED = 0.3  # of the change by rounding, to which it is known
 MOST_SIGMA = 1e-3  # over gravity: a sigma of a gal says that no swing at the stated period was followed
@@ -188,7 +187,7 @@ def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
     alone near its own frequency acts as gravity does, so half of what the explanation made of gravity is in doubt."""
     if not any(words.startswith("transverse") for words in fit.model.words):
         return 0.0
-    return HALF * abs(fit.gravity[0] - plain.gravity[0])
+    return 0.5 * abs(fit.gravity[0] - plain.gravity[0])
 
 
 def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:
@@ -262,7 +261,7 @@ def weighed(
     overtaken = order[0] == 1 and ahead < DECISIVE
     if ahead < CLOSE or overtaken:
         close = [*close, other.candidate()._replace(value=fit.solution.log_likelihood - ahead)]
-        share = HALF if overtaken else 1.0 / (1.0 + np.exp(ahead))
+        share = 0.5 if overtaken else 1.0 / (1.0 + np.exp(ahead))
         variance = (1.0 - share) * sigma**2 + share * wide**2 + share * (1.0 - share) * (mean - second) ** 2
         mean, sigma = mean + share * (second - mean), float(np.sqrt(variance))
     return fit, close, mean, sigma

@@ -18,7 +18,7 @@ def smooth(
     `state`, (d,), changed, and `covariance`, predicted for the first node, and errors `whitened`, (r,), at the changed
     constants; `adjoint`, (d,), of the predicted state behind the stretch, of its first node on return."""
     two, ahead, room = keep.swing.shape[1], task.flow.ahead, np.zeros((2, adjoint.size))
-    look_back(task, begin, end, whitened, keep, ahead[two:], adjoint, room, path)
+    look_back(task, begin, end, whitened, keep, adjoint, room, path)
     driven, onward = path[: end - begin] @ task.flow.noise, np.zeros((adjoint.size - two, adjoint.size))
     onward[:, two:] = ahead[two:, two:].T
     state += covariance @ adjoint
@@ -27,11 +27,10 @@ def smooth(
 
 @kernel
 def look_back(
-    task: Task, begin: int, end: int, whitened: Floats, keep: Kept, ahead: Floats, adjoint: Floats, room: Floats,
-    path: Floats,
-) -> None:  # fmt: skip
-    """Adjoints of a stretch into `path`; `ahead`: the ship's part of the step. `room`: (2, d)."""
-    readings = task.readings
+    task: Task, begin: int, end: int, whitened: Floats, keep: Kept, adjoint: Floats, room: Floats, path: Floats
+) -> None:
+    """Adjoints of a stretch into `path`; `room`: (2, d)."""
+    readings, ahead = task.readings, task.flow.ahead[keep.swing.shape[1] :]
     for k in range(end - 1, begin - 1, -1):
         if k + 2 < readings.first.size:
             step_back(keep, k - begin, ahead, adjoint, room[0])

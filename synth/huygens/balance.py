@@ -99,11 +99,6 @@ def _folded(angle: float) -> float:
     return turned if turned > -0.5 * math.pi else 0.5 * math.pi
 
 
-def _rational(value: Fraction) -> Any:
-    """A fraction as a number that goes with polynomials."""
-    return fmpq(value.numerator, value.denominator)
-
-
 class _Equations:
     """The three conics of one pair of clocks."""
 
@@ -115,7 +110,7 @@ class _Equations:
         self._tuning = [1 + Fraction(tau) - less for tau in clocks.detuning]
         self._feed = self._coupling * self._drive / (2 * Fraction(clocks.beam_damping))  # s = feed sum g (1 - g)
 
-    def conics(self, beta: Any, number: Callable[[Fraction], Any] = _rational) -> list[Conic]:
+    def conics(self, beta: Any, number: Callable[[Any], Any] = lambda x: fmpq(*x.as_integer_ratio())) -> list[Conic]:
         """The first two equations less s, and beta s - (nu/2) sum (1 - g_i) E_i; E_i = D_i + arc g_i."""
         feed, arc, half = (number(each) for each in (self._feed, self._arc, self._coupling / 2))
         one, two = ((1 + beta) * number(tuning) - 1 - arc for tuning in self._tuning)

@@ -31,6 +31,11 @@ class Lattice:
         return np.asarray(self.node * self.step + self.offset)
 
     @cached_property
+    def first(self) -> np.ndarray:
+        """First reading of each node, (k + 1,)."""
+        return np.asarray(np.searchsorted(self.node, np.arange(self.nodes + 1)), dtype=np.int64)
+
+    @cached_property
     def of_trace(self) -> list[np.ndarray]:
         """Readings of each trace, in order, then those of the accelerations."""
         return [np.flatnonzero(self.trace == j) for j in range(self.combination.shape[0] + 2)]

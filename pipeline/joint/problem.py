@@ -161,10 +161,6 @@ class Problem:
         """Error of the scale of each trace, and of the accelerations."""
         return self._of_readings(constants, kinds.GAIN, kinds.READ_HEAVE_SCALE)
 
-    def cross(self, constants: Constants) -> float:
-        """Share of each pendulum in what is read of the others."""
-        return float(unknown.total(constants, kinds.CROSS, 1)[0])
-
     def _of_readings(self, constants: Constants, of_traces: int, of_heave: int) -> Floats:
         """Values of constants of each trace, and of the accelerations, (t + 2,)."""
         found: Floats = np.zeros(self.traces + 2)
@@ -178,38 +174,40 @@ class Problem:
     def in_its_scale(self, assumed: Assumed, constants: Constants) -> Assumed:
         """With ship and kicks as the scale of the traces that see them makes them: assumed as they are read."""
         level = self.lattice.combination.sum(axis=1)
-        more = level * (self.gain(constants)[: self.traces] + (self.pendulums - 1) * self.cross(constants))
+        share = (self.pendulums - 1) * unknown.total(constants, kinds.CROSS, 1)
+        more = level * (self.gain(constants)[: self.traces] + share)
         if not more.any() or not level.any():
             return assumed
         scale = 1.0 + float(level @ more) / float(level @ level)
         ship = tuple(c if c.axis == "vertical" else replace(c, rms=c.rms / scale) for c in assumed.ship)
         return replace(assumed, ship=ship, kick=assumed.kick / scale)
 
-    def readings(self, assumed: Assumed, constants: Constants) -> passes.Readings:
-        """The readings less what the constants say of the traces."""
-        own, gain = self.lattice, self.gain(constants)
+    def readings(self, assumed: Assumed, constants: Constants, nodes: slice = slice(None)) -> passes.Readings:
+        """The readings of some nodes, the first of them number 0, less what the constants say of the traces."""
+        own, gain, (begin, end, _) = self.lattice, self.gain(constants), nodes.indices(self.lattice.nodes)
+        some = slice(int(own.first[begin]), int(own.first[end]))
+        trace, time, pace = own.trace[some], own.time[some], self.pace[some]
         delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
-        late = delay[own.trace] * (self.pace if self.pace.size else 1.0)
-        value = own.value - unknown.total(constants, kinds.ZERO, self.traces + 2)[own.trace]
+        late = delay[trace] * (pace if pace.size else 1.0)
+        value = own.value[some] - unknown.total(constants, kinds.ZERO, self.traces + 2)[trace]
         for each in constants:
             if each.kind == kinds.STEP:
-                value -= np.where((own.trace == each.index) & (own.time >= each.centre), each.value, 0.0)
+                value -= np.where((trace == each.index) & (time >= each.centre), each.value, 0.0)
             elif each.kind == kinds.DRIFT:
-                value -= np.where(own.trace == each.index, each.value * (own.time - each.centre) / each.width, 0.0)
+                value -= np.where(trace == each.index, each.value * (time - each.centre) / each.width, 0.0)
             elif each.kind == kinds.CLOCK:
-                shape = np.cos(each.width * own.time) * (own.time >= each.centre)
-                late += np.where(own.trace < self.traces, each.value * shape, 0.0)
-        value /= 1.0 + gain[own.trace]
+                shape = np.cos(each.width * time) * (time >= each.centre)
+                late += np.where(trace < self.traces, each.value * shape, 0.0)
+        value /= 1.0 + gain[trace]
         cubic = self.cubic(constants)
         if cubic:
-            value -= np.where(own.trace < self.traces, cubic * value**3 * (1.0 - 3.0 * cubic * value**2), 0.0)
-        variance = (assumed.noise**2 / (1.0 + gain) ** 2)[own.trace]
+            value -= np.where(trace < self.traces, cubic * value**3 * (1.0 - 3.0 * cubic * value**2), 0.0)
+        variance = (assumed.noise**2 / (1.0 + gain) ** 2)[trace]
         if self.left_out.size:
-            variance[self.left_out] = np.inf
-        combination = own.combination + self.cross(constants) * self.mixed
-        first = np.searchsorted(own.node, np.arange(own.nodes + 1)).astype(np.int64)
-        offset = own.offset - late
-        return passes.Readings(first, own.trace, offset, value, variance, combination, self.others, self.pace)
+            variance[self.left_out[some]] = np.inf
+        combination = own.combination + unknown.total(constants, kinds.CROSS, 1) * self.mixed
+        first, offset = own.first - some.start, own.offset[some] - late
+        return passes.Readings(first, trace, offset, value, variance, combination, self.others[some], pace)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
@@ -236,7 +234,7 @@ class Problem:
         `span`: first node, to which START belongs, and the one behind the last; `about`: (k, d) path of the
         linearisation; `gate`: readings so many deviations off are left out (0: none); `root`: (c, c), of the priors."""
         begin, end = (0, self.lattice.nodes) if span is None else span
-        task, of = self._task(assumed, constants, about, gate)
+        task, of = self._task(assumed, constants, about, gate, slice(begin, end))
         _go(task, begin, end, of, NOTHING_KEPT)
         return self._solution(task.readings, of, constants, root, slice(begin, end)), of
 
@@ -280,7 +278,7 @@ class Problem:
         return solution, of, path if smooth else about
 
     def _task(
-        self, assumed: Assumed, constants: Constants, about: Floats, gate: float
+        self, assumed: Assumed, constants: Constants, about: Floats, gate: float, nodes: slice = slice(None)
     ) -> tuple[passes.Task, passes.Pass]:
         """What a pass takes, and where it begins."""
         assumed = self.in_its_scale(assumed, constants)
@@ -294,8 +292,8 @@ class Problem:
                 state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
         task = passes.Task(
-            flow=flow, readings=self.readings(assumed, constants), columns=unknown.columns(constants), known=known,
-            recorded=self.recorded[0][felt],
+            flow=flow, readings=self.readings(assumed, constants, nodes), columns=unknown.columns(constants),
+            known=known, recorded=self.recorded[0][felt],
             slope=self.recorded[1][felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about, breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2), gate=gate,
             plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size),

@@ -248,8 +248,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
     def get_overload(self, sig: Any) -> Any:
         """The function that its callers link."""
         part = self._part.overloads[tuple(getattr(sig, "args", sig))]
-        of_arrays = "array(" in str(part.signature.return_type)
-        if of_arrays and self.targetoptions["_nrt"] != _Flags.top_or_none().nrt:
+        if "array(" in str(part.signature.return_type) and self.targetoptions["_nrt"] != _Flags.top_or_none().nrt:
             raise TypeError(f"{self.py_func.__name__} returns arrays: it and who calls it count references, or neither")
         return part.entry_point
 

@@ -185,9 +185,8 @@ def _stride(
     contraction = float(np.max(turn**2 / 4 * (zeta + angle**2 / 2 + u * angle)))
     floor = (peak + np.minimum(turn, turn**2) * rest) ** 2
     stop = min(max(_STOP / max(contraction, 1e-3), 10 * _STOP), 100 * _STOP)
-    points = level.points  # whole: a part compiles anew
-    done = march(state, remainder, forcing, level.law, floor, stop, points, report, level.room)
-    points = points[:, :count]
+    done = march(state, remainder, forcing, level.law, floor, stop, level.points, report, level.room)
+    points = level.points[:, :count]  # the march takes them whole: a part compiles anew
     if done < count or not np.isfinite(state).all():
         return None
     estimate.add(report, peak, turn, points)

@@ -109,7 +109,8 @@ class Isolated(contextlib.AbstractContextManager["Isolated"]):
         if pool is not None:
             pool.stop()
             # an interrupt may have left a future locked, for which pebble would wait for ever
-            (ending := threading.Thread(target=_joined, args=(pool,), daemon=True)).start()
+            ending = threading.Thread(target=_joined, args=(pool,), daemon=True)
+            ending.start()
             ending.join(PATIENCE)
         self._clean()
 

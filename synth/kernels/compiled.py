@@ -29,6 +29,7 @@ from synth.kernels.cache import PACKAGES, ROOT, WATCHERS, cache_folder, stamp
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_codegen: Any = codegen
 _Library: Any = codegen.JITCodeLibrary
 _Dispatcher: Any = CPUDispatcher
 _Cache: Any = caching.FunctionCache
@@ -65,10 +66,9 @@ def _typed_once(resolve: Any) -> Any:
 
 def _rolled(machine: Any, opt: int = 2, loop_vectorize: bool = False, slp_vectorize: bool = False) -> Any:
     """Passes of LLVM as Numba has them but for unrolling, a tenth of all time: kernels of the pipeline are as fast."""
-    binding: Any = codegen.ll  # type: ignore[attr-defined]
-    chosen = binding.create_pipeline_tuning_options(opt)
+    chosen = _codegen.ll.create_pipeline_tuning_options(opt)
     chosen.loop_vectorization, chosen.slp_vectorization, chosen.loop_unrolling = loop_vectorize, slp_vectorize, False
-    return binding.create_pass_builder(machine, chosen)
+    return _codegen.ll.create_pass_builder(machine, chosen)
 
 
 class _LazyLibrary(_Library):  # type: ignore[misc]  # Numba is untyped
@@ -256,15 +256,14 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         """Load or compile it for Python, and all that it calls as its parts."""
         generator: Any = cpu_target.target_context.codegen()
         arrays: Any = arrayobj
-        passes: Any = codegen
         function: Any = types.Function.__base__
-        builder = _rolled if self.__module__.startswith("pipeline.") else passes.create_pass_builder
+        builder = _rolled if self.__module__.startswith("pipeline.") else _codegen.create_pass_builder
         with global_compiler_lock:  # what another thread has changed is as it was again
             changes = (
                 (generator, "_library_class", _LazyLibrary),
                 (arrays, "raise_with_shape_context", _raise_unequal),
                 (function, "get_call_type", _typed_once(function.get_call_type)),
-                (passes, "create_pass_builder", builder),
+                (_codegen, "create_pass_builder", builder),
             )
             before = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
             try:

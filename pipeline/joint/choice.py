@@ -42,7 +42,8 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     taken = any(is_knot(each) for each in fit.model.constants)
 
     def pays(some: list[Candidate]) -> bool:
-        return any(each.value > fit.solution.log_likelihood + FEIGNED for each in some)
+        ahead = [each for each in some if each.value > fit.solution.log_likelihood + FEIGNED]
+        return any(Trial(fit, each).matters for each in ahead)
 
     found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
     kicked = list(kicks.larger_or_smaller(fit, asked=pays(found)))
@@ -278,11 +279,14 @@ class Trial:
 
     @property
     def matters(self) -> bool:
-        """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
+        """Whether it is more than a line of the sea, or what follows such, that leaves gravity and its sigma where they
+        are."""
         fit, candidate = self.fit, self.candidate
+        gain = candidate.value - fit.solution.log_likelihood
         if len(candidate.model.assumed.ship) == len(fit.model.assumed.ship):
-            return True
-        if candidate.value > fit.solution.log_likelihood + MUCH:
+            line = motion.line_left(fit)
+            return line == 1.0 or gain > PAYS * line
+        if gain > MUCH:
             return True
         found, hidden = self.after
         if found is None:

@@ -15,7 +15,7 @@ from pipeline.joint import remainder, updating
 from pipeline.joint.flow import POINTS, Flow
 from pipeline.joint.forcing import derive_errors, remain
 from pipeline.joint.kinds import GAIN, READ_HEAVE_SCALE
-from pipeline.joint.passes import Columns, Kept, Pass, Slots, Task
+from pipeline.joint.passes import Columns, Kept, Pass, Readings, Slots, Task
 from pipeline.joint.remainder import Steps, collocate, lay_known, multiply, reach
 from synth.kernels.compiled import kernel
 
@@ -23,6 +23,7 @@ ANYWHERE = 0.1  # rad
 ROWS = 256  # prediction errors that are multiplied out at once
 CHUNK = 64  # nodes whose places on a given path are found at once
 UNEVEN = 8  # nodes after which the covariance is made symmetric again
+FORGOTTEN = 1e-140
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
 
 
@@ -48,9 +49,8 @@ class Room(NamedTuple):
 def room_for(task: Task, begin: int, end: int, of: Pass) -> Room:
     """Room for a sweep."""
     size, width = of.state.shape
-    u = max(4, int(np.diff(task.readings.first[begin : end + 1]).max(initial=0)) + 3)
-    shapes = ((u,), (u,), (u,), *[(u, size)] * 4, (u,), (u, 2, POINTS))
-    slots = Slots(np.zeros(u, dtype=np.int64), np.full(u, -1), *map(np.zeros, shapes))
+    slots = slots_for(task.readings, begin, end, size)
+    u = slots.reading.size
     n, ahead = CHUNK if task.about.shape[0] else 1, task.flow.ahead
     shapes = ((u, u), (u, width), (u, size), (u, size), (ROWS, width), (width, width), (n + 1, size))
     return Room(
@@ -60,12 +60,53 @@ def room_for(task: Task, begin: int, end: int, of: Pass) -> Room:
     )  # fmt: skip
 
 
+def settled(task: Task, size: int, nodes: slice) -> Floats:
+    """Covariance of the states, (d, d), before the readings of one of some nodes, after more of them whose readings are
+    alike than there are: by doubling (Anderson & Moore 1979, eq. 6.7.14)."""
+    begin, end, _ = nodes.indices(task.readings.first.size - 1)
+    node = begin + int(np.argmax(np.diff(task.readings.first[begin : end + 1])))
+    slots = slots_for(task.readings, node, node + 1, size)
+    used, _ = updating.pick(task.readings, node, slots)
+    for j in range(used):
+        updating.row_of(task.flow, task.readings, slots.reading[j], slots, j)
+    told = slots.row[:used].T / slots.variance[:used] @ slots.row[:used]
+    ahead, covariance = task.flow.ahead.T, task.flow.noise
+    for _ in range((end - begin).bit_length()):
+        part = np.linalg.solve(np.eye(size) + told @ covariance, np.concatenate([ahead, told], axis=1))
+        told = told + ahead @ part[:, size:] @ ahead.T
+        more = ahead.T @ covariance @ part[:, :size]
+        covariance, ahead = covariance + 0.5 * (more + more.T), ahead @ part[:, :size]
+    return covariance
+
+
+def slots_for(readings: Readings, begin: int, end: int, size: int) -> Slots:
+    """Slots for the readings of nodes `begin` to `end`."""
+    u = max(4, int(np.diff(readings.first[begin : end + 1]).max(initial=0)) + 3)
+    shapes = ((u,), (u,), (u,), *[(u, size)] * 4, (u,), (u, 2, POINTS))
+    return Slots(np.zeros(u, dtype=np.int64), np.full(u, -1), *map(np.zeros, shapes))
+
+
 @kernel
 def add(factor: float, what: Floats, to: Floats) -> None:
     """Add a matrix times a factor."""
     for r in range(what.shape[0]):
         for q in range(what.shape[1]):
             to[r, q] += factor * what[r, q]
+
+
+@kernel
+def apart(covariance: Floats, last: int) -> float:
+    """Variance of the first pendulum's angle less that of the last, whose place is given; 0 of one alone."""
+    return float(covariance[0, 0] - 2.0 * covariance[0, last] + covariance[last, last])
+
+
+@kernel
+def forget(columns: Floats) -> None:
+    """Nothing is left of what is so small that its square is no normal number, with which processors are slow."""
+    for r in range(columns.shape[0]):
+        for c in range(columns.shape[1]):
+            if abs(columns[r, c]) < FORGOTTEN:
+                columns[r, c] = 0.0
 
 
 @kernel
@@ -146,7 +187,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
     width = path.shape[0] - 1
     push, impulses = steps.push, forced.size + (3 if flow.heaves else 1)
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
-    moving, before, product, at_break = True, -1, 1.0, 0
+    moving, rested, before, product, at_break = True, False, -1, 1.0, 0
     for k in range(begin, end):
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:
@@ -225,13 +266,15 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
         if k + 1 == readings.first.size - 1:
             break
         # to the next node
-        settling = moving and alike and not flow.sine and change < SETTLED and used > 0
+        settling = moving and alike and not flow.sine and used > 0 and (rested or change < SETTLED)
         if asked and not given:
             reach(flow.to_nodes, state_updated, steps.nodes)
             remain(task, joined, k, width, steps)
         if not plain:
             turn(flow, steps.swing, at, ahead, ahead_columns)
         multiply(ahead, state_updated, state)
+        if k % UNEVEN == 0:
+            forget(state)
         if moving:
             multiply(ahead, updated, moved)
             multiply(moved, ahead_columns, updated)
@@ -248,7 +291,12 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
                     covariance[r, q] += push[n, r, at] * push[n, q, at]
         if keeping:
             keep_step(keep, k - begin, ahead, push, at)
-        moving = moving and not settling
+        # what moves the pendulums settles over hours: the gain would be kept where it crawls
+        rested = settling and not rested and apart(covariance, two - 2) < apart(task.settled, two - 2)
+        for r in range(covariance.shape[0] if rested else 0):
+            for q in range(covariance.shape[1]):
+                covariance[r, q] = task.settled[r, q]
+        moving = moving and (rested or not settling)
     multiply(buffer[:rows].T, buffer[:rows], room.square)
     add(1.0, room.square, of.normal)
     of.totals[0] += np.log(product)

@@ -23,8 +23,9 @@ SAME_LINE = 0.2  # in the logarithm of the frequency
 QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
-NEAR, NEAR_SIZES = np.array([1.0, 10.0]), (1e-6, 1e-5)
-"""Of motion at the swing's own frequency: widths over what the record tells apart; over reference gravity."""
+NEAR, NEAR_SIZES, TWICE_SIZES = np.array([1.0, 10.0]), (1e-6, 1e-5), (1e-5, 1e-4)
+"""Of motion at the swing's own frequency, and twice it: widths over what the record tells apart; over reference gravity
+"""
 ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
 CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind
 LIKE_KICKS = 0.02  # of its frequency, a width
@@ -32,7 +33,8 @@ ASIDE = 1e-5  # over reference gravity, from which a sea across is sought
 TURN, MOST_TURN = 1.5, 6.0  # rad of a motion in a step of the lattice that is followed; of one that is still priced
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
-ENOUGH = 10.0  # in log-likelihood
+ENOUGH, NOTICED = 10.0, 0.1  # in log-likelihood; of sigma
+LINED, AROUND = 30.0, 32  # of the power about it, and of white errors; bins about it
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])  # rad s-1/2, tried where none is assumed
 PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.0, 7)  # of a first sea, rad s-1; of heave, in swings
 SIZES = (1e-4, 1e-3, 1e-2, 1e-1)  # over reference gravity
@@ -140,14 +142,19 @@ def components(fit: Fitted, *, slow: bool) -> Iterator[Candidate]:
 
 
 def with_the_swing(fit: Fitted) -> Iterator[Candidate]:
-    """Horizontal motion at the swing's own frequency, which the path follows: no peak of the errors shows it."""
+    """Motion that the path follows, so that no peak of the errors shows it: horizontal at the swing's own frequency,
+    and unrecorded vertical at twice it, which acts as a change of gravity and of damping."""
     model, swing = fit.model, fit.model.problem.swing
-    for width in NEAR / model.problem.lattice.duration:
-        for size in NEAR_SIZES:
-            line = Engine(swing, width, size, "horizontal")
-            assumed = replace(model.assumed, ship=(*model.assumed.ship, line))
-            trial = model.adding(f"horizontal motion at {swing / (2.0 * np.pi):.2f} Hz", assumed=assumed)
-            yield priced(trial, fit.path, cost=COMPONENT)
+    units: list[tuple[float, Axis, tuple[float, ...]]] = [(swing, "horizontal", NEAR_SIZES)]
+    if model.problem.leaves_heave_open(model.assumed.sine):
+        units += [(2.0 * swing, "vertical", TWICE_SIZES)]
+    for frequency, axis, sizes in units:
+        for width in NEAR / model.problem.lattice.duration:
+            for size in sizes:
+                line = Engine(frequency, width, size, axis)
+                assumed = replace(model.assumed, ship=(*model.assumed.ship, line))
+                trial = model.adding(f"{axis} motion at {frequency / (2.0 * np.pi):.2f} Hz", assumed=assumed)
+                yield priced(trial, fit.path, cost=COMPONENT)
 
 
 def _like_kicks(line: Component, swing: float) -> bool:
@@ -195,7 +202,7 @@ def polished(fit: Fitted) -> Fitted:
         loudest = int(np.argmax([float(each.density(swing)[0]) * (each.axis == "horizontal") for each in ship]))
         flat = isinstance(ship[loudest], Vibration)
         less = _moved(fit, int(ends[loudest]) - 2 + flat, -TEN if flat else -FIRST_STEP)
-        if less.solution.log_likelihood - fit.solution.log_likelihood < MUCH_MORE:
+        if less.solution.log_likelihood - fit.solution.log_likelihood < MUCH_MORE or not _tells(fit, less):
             return fit
         fit = less
         least = MORE
@@ -209,10 +216,16 @@ def polished(fit: Fitted) -> Fitted:
                 if fit is not start:
                     break
             by[k] *= SHRINKS if fit is start else GROWS
-        if fit.solution.log_likelihood - before.solution.log_likelihood < least:
+        if fit.solution.log_likelihood - before.solution.log_likelihood < least or not _tells(before, fit):
             break
         least = MORE
     return fit
+
+
+def _tells(fit: Fitted, other: Fitted) -> bool:
+    """Whether gravity or its 1 sigma differ noticeably between two fits."""
+    (mean, sigma), (moved, wide) = fit.gravity, other.gravity
+    return abs(moved - mean) > NOTICED * sigma or abs(np.log(wide / sigma)) > NOTICED
 
 
 def _swaying_twice(fit: Fitted) -> Fitted:
@@ -365,6 +378,22 @@ def _steady(fit: Fitted) -> Engine | None:
     if gain[at] < COMPONENT:
         return None
     return Engine(float(frequency[at]), 1.0 / lattice.duration, float(np.sqrt(2.0 * gain[at] / square[at])), "vertical")
+
+
+def line_left(fit: Fitted) -> float:
+    """Power of the strongest line of the ship in the errors of traces that see it, over that of white ones: so much
+    does the likelihood overrate what follows it, such a trace's clock or scale, which tells nothing of gravity where no
+    arc does. 1 where no line is left, errors of differences are not white, or arcs tell."""
+    problem, most = fit.model.problem, 1.0
+    if fit.model.assumed.sine:
+        return most
+    for trace in set(range(problem.traces)).difference(problem.differences):
+        frequency, power, _ = errors_by_frequency(fit, trace)
+        power = np.where(np.abs(frequency / problem.swing - 1.0) < LINE, 1.0, power)
+        bands = power[AROUND : power.size // AROUND * AROUND].reshape(-1, AROUND)  # what drifts is below the first
+        sharp = bands.max(axis=1, initial=0.0) > LINED * np.median(bands, axis=1)
+        most = max(most, float(bands[sharp].max(initial=0.0)))
+    return most if most > LINED and is_white(fit, problem.differences) else 1.0
 
 
 def is_white(fit: Fitted, traces: list[int]) -> bool:

@@ -26,7 +26,7 @@ LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 FARTHEST = 100.0  # rad
-KEPT = 2**28  # bytes that are kept at once for the smoother; what does not fit is gone through twice
+KEPT, KEPT_EACH = 2**28, 80  # bytes, and a reading, that are kept at once; what does not fit is gone through twice
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,8 @@ class Problem:
         nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
         reading = 2 * size + width if smooth else width
-        stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
+        most = max(KEPT, KEPT_EACH * self.lattice.node.size)
+        stretch = max(1, most // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
         keep = _room(task, size, width, min(stretch, nodes), smooth=smooth)
         states = []
@@ -296,10 +297,12 @@ class Problem:
             known=known, recorded=self.recorded[0][felt],
             slope=self.recorded[1][felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about, breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2), gate=gate,
-            plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size),
+            plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size), settled=NONE2,
         )  # fmt: skip
         errors, whitened, scale = (np.full(count, np.nan, dtype=each) for each in ("f4", "f8", "f4"))
         sums = np.zeros((width, width)), np.zeros(3)
+        if not assumed.sine:
+            task = task._replace(settled=filtering.settled(task, size, nodes))
         return task, passes.Pass(state, covariance, *sums, errors, whitened, scale)
 
     def _solution(

@@ -105,3 +105,19 @@ def test_line_near_the_swing_hides_no_wrong_damping(size: float, aside: float, s
     found = row(tree)
     assert abs(in_sigmas(found, true)) < 3.5
     assert found["gravity_sigma_mgal"] < 5.0
+
+
+@pytest.mark.parametrize(
+    ("size", "aside"),
+    [(1e-4, 0.0), *(pytest.param(*each, marks=pytest.mark.campaign) for each in [(1e-5, 0.0), (3e-4, 1e-4)])],
+)
+def test_vertical_line_at_twice_the_swing_is_no_gravity(size: float, aside: float) -> None:
+    """Unrecorded, it changes both frequencies and dampings: friction, kicks and a delay together look like it."""
+    line = {"axis": "vertical", "amplitude": [9.81 * size], "period": [0.505 * (1.0 + aside)], "phase": [0.7]}
+    swell = {"amplitude": [0.05, 0.03], "period": [9.0, 7.0]}
+    motion = [{"kind": "harmonics"} | each for each in (line, swell)]
+    tree, true = record(duration=900.0, motion=motion, recording={"vertical_acceleration": False})
+    found = row(tree)
+    assert abs(in_sigmas(found, true)) < 3.5
+    assert found["gravity_sigma_mgal"] < 0.5
+    assert "vertical motion at 1.98 Hz" in found["choice_reason"]

@@ -205,3 +205,31 @@ def test_a_reading_over_the_gate_is_left_out() -> None:
     _, done = of.run(model, constants(), gate=20.0)
     assert np.isnan(done.whitened[20])
     assert np.isfinite(np.delete(done.whitened, 20)).all()
+
+
+def long(jitter: float, kick: float, nodes: int = 20_000) -> tuple[Problem, Assumed]:
+    """Readings at times that are off by some share of their step, and what is assumed of them."""
+    rng = np.random.default_rng(5)
+    time = STEP * np.arange(nodes)
+    time[1:-1] += jitter * STEP * rng.uniform(-0.5, 0.5, time.size - 2)
+    swing = 0.02 * np.cos(6.2 * time) + 2e-4 * rng.normal(size=time.size)
+    series = np.stack([swing, 0.7 * swing + 2e-4 * rng.normal(size=time.size)])
+    of = Problem(lay(time, series, COMBINATION, 6.2), KAPPA, np.array([1e-3, 2e-3]))
+    return of, replace(assumed(), kick=np.full(2, kick), noise=np.array([2e-4, 2e-4, 1.0, 1.0]))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("kick", [0.0, 1e-6, 1e-5])
+def test_a_gain_is_kept_where_it_settles_though_it_crawls_there(kick: float) -> None:
+    """At uneven times no gain is kept: sigma would be half as large were the crawling one."""
+    even, uneven = (of.run(model, constants())[0].sigma("gravity") for of, model in (long(0.0, kick), long(1e-4, kick)))
+    assert even == pytest.approx(uneven, rel=0.03)
+
+
+@pytest.mark.compiled
+def test_what_kicks_made_the_filter_forget_is_gone() -> None:
+    """The start's derivatives die out; numbers too small to be normal would take ten times as long."""
+    of, model = long(0.0, 1e-3, 60_000)
+    state = np.abs(of.run(model, constants())[1].state)
+    assert np.all((state == 0.0) | (state > 1e-200))
+    assert not state[:, :4].any()

@@ -26,7 +26,7 @@ LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 FARTHEST = 100.0  # rad
-KEPT, KEPT_EACH = 2**28, 80  # bytes, and a reading, that are kept at once; what does not fit is gone through twice
+KEPT = 2**27  # bytes that are kept at once for the smoother; what does not fit is gone through twice
 
 
 @dataclass(frozen=True)
@@ -247,8 +247,7 @@ class Problem:
         nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
         reading = 2 * size + width if smooth else width
-        most = max(KEPT, KEPT_EACH * self.lattice.node.size)
-        stretch = max(1, most // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
+        stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
         keep = _room(task, size, width, min(stretch, nodes), smooth=smooth)
         states = []

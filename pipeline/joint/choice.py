@@ -42,8 +42,7 @@ def candidates(fit: Fitted) -> Iterator[Candidate]:
     taken = any(is_knot(each) for each in fit.model.constants)
 
     def pays(some: list[Candidate]) -> bool:
-        ahead = [each for each in some if each.value > fit.solution.log_likelihood + FEIGNED]
-        return any(Trial(fit, each).matters for each in ahead)
+        return any(each.value > fit.solution.log_likelihood + FEIGNED for each in some)
 
     found = _added(fit, _possible(fit), () if taken else knots(fit.model.problem.lattice.duration))
     kicked = list(kicks.larger_or_smaller(fit, asked=pays(found)))
@@ -102,7 +101,8 @@ def _added(fit: Fitted, extra: list[Constant], course: Constants = (), cost: flo
         # two more parameters, of the prior
         trial = model.adding("gravity changes", constants=solution.constants, course=track)
         found.append(Candidate(solution.log_likelihood - 2.0, trial, solution))
-    return found
+    least, line = fit.solution.log_likelihood, motion.line_left(fit)
+    return [each if each.value > least + PAYS * line else each._replace(value=min(each.value, least)) for each in found]
 
 
 def _steps(fit: Fitted) -> list[Candidate]:
@@ -279,14 +279,11 @@ class Trial:
 
     @property
     def matters(self) -> bool:
-        """Whether it is more than a line of the sea, or what follows such, that leaves gravity and its sigma where they
-        are."""
+        """Whether it is more than a line of the sea that leaves gravity and its sigma where they are."""
         fit, candidate = self.fit, self.candidate
-        gain = candidate.value - fit.solution.log_likelihood
         if len(candidate.model.assumed.ship) == len(fit.model.assumed.ship):
-            line = motion.line_left(fit)
-            return line == 1.0 or gain > PAYS * line
-        if gain > MUCH:
+            return True
+        if candidate.value > fit.solution.log_likelihood + MUCH:
             return True
         found, hidden = self.after
         if found is None:

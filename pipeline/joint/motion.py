@@ -34,7 +34,7 @@ TURN, MOST_TURN = 1.5, 6.0  # rad of a motion in a step of the lattice that is f
 STEADY = 2.5  # of the swing's frequency, above which errors are readings less a smooth motion
 MISSED = 10.0  # in log-likelihood, of a component that stays
 ENOUGH, NOTICED = 10.0, 0.1  # in log-likelihood; of sigma
-LINED, AROUND = 30.0, 32  # of the power about it, and of white errors; bins about it
+LINED, AROUND = 3000.0, 32  # of the power about it, and of white errors; bins about it
 KICKS = np.array([1e-8, 1e-7, 1e-6, 1e-5])  # rad s-1/2, tried where none is assumed
 PEAKS, HEAVES = np.geomspace(0.3, 4.0, 8), np.geomspace(0.05, 1.0, 7)  # of a first sea, rad s-1; of heave, in swings
 SIZES = (1e-4, 1e-3, 1e-2, 1e-1)  # over reference gravity
@@ -382,9 +382,9 @@ def _steady(fit: Fitted) -> Engine | None:
 
 def line_left(fit: Fitted) -> float:
     """Power of the strongest line of the ship in the errors of traces that see it, over that of white ones: so much
-    does the likelihood overrate what follows it, such a trace's clock or scale, which tells nothing of gravity where no
-    arc does. 1 where no line is left, errors of differences are not white, or arcs tell."""
-    problem, most = fit.model.problem, 1.0
+    does the likelihood overrate what follows it, such a trace's clock or scale. 0 where none stands out as over hours,
+    errors of differences are not white, or arcs tell."""
+    problem, most = fit.model.problem, 0.0
     if fit.model.assumed.sine:
         return most
     for trace in set(range(problem.traces)).difference(problem.differences):
@@ -393,7 +393,7 @@ def line_left(fit: Fitted) -> float:
         bands = power[AROUND : power.size // AROUND * AROUND].reshape(-1, AROUND)  # what drifts is below the first
         sharp = bands.max(axis=1, initial=0.0) > LINED * np.median(bands, axis=1)
         most = max(most, float(bands[sharp].max(initial=0.0)))
-    return most if most > LINED and is_white(fit, problem.differences) else 1.0
+    return most if most > LINED and is_white(fit, problem.differences) else 0.0
 
 
 def is_white(fit: Fitted, traces: list[int]) -> bool:

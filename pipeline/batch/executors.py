@@ -1,9 +1,9 @@
 """Who does the work on this machine: isolated processes, the default; or this one, for files that are trusted.
 
-An executor is a function of jobs that yields lists of outcomes as they come; closing it ends the work at once. Pebble
-starts an isolated process, ends it when its record's time is over, and starts another: its death, or too long a
-silence, is that record's outcome. Each has a pool to itself: a process that is killed in the middle of a message can
-then spoil no other's. Before its first record it is confined.
+An executor is a function of jobs that yields lists of outcomes as they come; closing it ends the work at once. An
+isolated process is given one record after the other through a pipe. It is ended when its record's time is over, and
+another is started: its death, or too long a silence, is that record's outcome. Each has a pipe to itself: a process
+that is killed in the middle of a message can then spoil no other's. Before its first record it is confined.
 """
 
 import contextlib
@@ -15,19 +15,16 @@ import shutil
 import signal
 import sys
 import tempfile
-import threading
 import time
 import weakref
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pebble import ProcessExpired, ProcessPool
 
 from data_schemas.errors import IsochronyError
 from pipeline.batch.confinement import confine
@@ -38,7 +35,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 ATTEMPTS = 3  # How often a record is begun whose process vanished before it began, or fell silent
-LOOK = 5.0  # s after which a silent process is looked for
+LOOK = 5.0  # s between two looks at the clock: a system waits for days at most, a record may be given years
 PATIENCE = 20.0  # s that a process may take to end when it is told to; it dies with this one anyway
 _START = 900.0  # s a process may take to start, with all kernels compiled anew, on a busy machine
 _PR_SET_PDEATHSIG = 1
@@ -54,95 +51,99 @@ class Isolated(contextlib.AbstractContextManager["Isolated"]):
 
     def __init__(self, methods: Sequence[str], timeout: float) -> None:
         self.form = (tuple(methods), timeout)
-        self._pool: ProcessPool | None = None
-        self._job: tuple[Path, Config] | None = None
-        self._clean: Callable[[], object] = lambda: None
-        self._begun, self._attempt = 0.0, 0
+        self.pipe: Connection
+        self.deadline = 0.0  # by the monotonic clock
+        self._process: SpawnProcess | None = None
+        self._end: Callable[[], int | None] = lambda: None
+        self._job: tuple[Path, Config]
+        self._attempts, self._has_it = 0, False
 
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def begin(self, path: Path, config: Config) -> Future[Outcome]:
+    def begin(self, path: Path, config: Config) -> None:
         """Give it a record; what comes of it is for `outcome` to say."""
-        if self._job is not None and self._job[1].folder != config.folder:
+        if self._process is not None and self._job[1].folder != config.folder:
             self.stop()  # it may write to one batch's folder only
-        self._job, self._attempt = (path, config), 0
-        return self._again()
+        self._job, self._attempts, self._has_it = (path, config), 0, False
+        begin = self._start if self._process is None else self._give
+        begin()
 
-    def silent(self) -> bool:
-        """Whether it has said nothing for longer than its record and its start may take together."""
-        return time.monotonic() - self._begun > self.form[1] + _START
-
-    def outcome(self, future: Future[Outcome]) -> Outcome | Future[Outcome]:
-        """What became of the record, once the future is done or the process is silent; or its next attempt."""
-        assert self._job is not None
-        path, config = self._job
-        fault = "fell silent"
-        if future.done():
+    def outcome(self, *, ready: bool) -> Outcome | None:
+        """What became of the record; None while it goes on. `ready`: its pipe has a message, or is closed."""
+        if ready:
             try:
-                return future.result()
-            except TimeoutError:
-                told = f"{path}: took longer than {self.form[1]:g} s and was ended; allow more with --timeout"
-                return replace(failure(config.key, "TimedOut", told), seconds=round(self.form[1], 6))
-            except ProcessExpired as error:
-                told = f"{path}: its process {_death(error.exitcode)}; look at this file, or allow more with --memory"
-                return failure(config.key, "Crashed", told)
-            except (BrokenProcessPool, CancelledError):
-                fault = "vanished before it began"
-        self.stop()
-        if self._attempt < ATTEMPTS:
-            return self._again()
+                outcome: Outcome | None = self.pipe.recv()
+            except Exception as error:  # it died, perhaps in the middle of a message, or sent none that can be read
+                self._has_it &= not isinstance(error, ConnectionResetError)  # which says that it took no record
+            else:
+                if outcome is None:
+                    self._give()
+                return outcome
+        elif time.monotonic() < self.deadline:
+            return None
+        (path, config), code = self._job, self.stop()
+        if self._has_it and not ready:
+            told = f"{path}: took longer than {self.form[1]:g} s and was ended; allow more with --timeout"
+            return replace(failure(config.key, "TimedOut", told), seconds=round(self.form[1], 6))
+        if self._has_it:
+            told = f"{path}: its process {_death(code)}; look at this file, or allow more with --memory"
+            return failure(config.key, "Crashed", told)
+        if self._attempts < ATTEMPTS:
+            self._start()
+            return None
+        fault = "vanished before it began" if ready else "fell silent"
         told = f"{path}: {ATTEMPTS} processes in turn {fault}; look at the machine's memory, then use --retry-failed"
         return failure(config.key, "WorkerLost", told)
 
     def run(self, path: Path, config: Config) -> Outcome:
         """Begin a record and wait for what becomes of it."""
-        found: Outcome | Future[Outcome] = self.begin(path, config)
-        while not isinstance(found, Outcome):
-            if wait([found], LOOK, FIRST_COMPLETED).done or self.silent():
-                found = self.outcome(found)
-        return found
+        return next(_done([self], [(path, config)]))[0]
 
-    def stop(self) -> None:
-        """End the process at once, whatever it does."""
-        pool, self._pool = self._pool, None
-        if pool is not None:
-            pool.stop()
-            # an interrupt may have left a future locked, for which pebble would wait for ever
-            ending = threading.Thread(target=_joined, args=(pool,), daemon=True)
-            ending.start()
-            ending.join(PATIENCE)
-        self._clean()
+    def stop(self) -> int | None:
+        """End the process at once, whatever it does; the status with which it ended."""
+        self._process = None
+        return self._end()
 
-    def _again(self) -> Future[Outcome]:
-        assert self._job is not None
-        self._attempt += 1
-        self._begun = time.monotonic()
-        if self._pool is None:
-            scratch = tempfile.mkdtemp(prefix="isochrony-")
-            self._clean = weakref.finalize(self, shutil.rmtree, scratch, ignore_errors=True)
-            given = (self.form[0], os.getpid(), self._job[1].folder, scratch)
-            spawn = multiprocessing.get_context("spawn")
-            self._pool = ProcessPool(max_workers=1, initializer=_ready, initargs=given, context=spawn)
-        try:
-            begun: Future[Outcome] = self._pool.schedule(_process_alone, args=self._job, timeout=self.form[1])
-        except RuntimeError as error:  # the pool broke since its last record
-            begun = Future()
-            begun.set_exception(BrokenProcessPool(str(error)))
-        return begun
+    def _start(self) -> None:
+        self._attempts += 1
+        spawn, scratch = multiprocessing.get_context("spawn"), tempfile.mkdtemp(prefix="isochrony-")
+        self.pipe, theirs = spawn.Pipe()
+        given = (theirs, self.form[0], os.getpid(), self._job[1].folder, scratch)
+        self._process = spawn.Process(target=_work, args=given, daemon=True)
+        self._end = weakref.finalize(self, _end, self._process, self.pipe, scratch)
+        with theirs, contextlib.suppress(OSError):  # where none can be had the pipe is closed, as if it had died
+            self._process.start()
+        self.deadline = time.monotonic() + _START
+
+    def _give(self) -> None:
+        with contextlib.suppress(ConnectionError):  # it has just died, as its pipe will tell
+            self.pipe.send(self._job)
+            self._has_it = True
+        self.deadline = time.monotonic() + self.form[1]
 
 
-def _joined(pool: ProcessPool) -> None:
-    """Wait for a pool that was stopped to end its process."""
-    with contextlib.suppress(RuntimeError):  # pebble: it would not die; the system's business then
-        pool.join()
+def _end(process: SpawnProcess, pipe: Connection, scratch: str) -> int | None:
+    """End a process, and clear away after it; one that does not end is the system's business, and dies with this."""
+    if process.pid is not None:
+        process.kill()
+        process.join(PATIENCE)
+    pipe.close()
+    shutil.rmtree(scratch, ignore_errors=True)
+    return process.exitcode
 
 
-def _ready(methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:
-    """Ready the process for records (see `warm`), then confine it, as it will read files of anybody's making."""
+def _work(pipe: Connection, methods: Sequence[str], parent: int, folder: Path, scratch: str) -> None:
+    """One record after the other, in a process that is warmed up, then confined: they may be of anybody's making."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent, which ends this process
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     warm(methods, parent)
     tempfile.tempdir = scratch
     confine([folder, Path(scratch), cache_folder()])
+    with contextlib.suppress(EOFError, ConnectionError):  # the parent is gone
+        pipe.send(None)
+        while True:
+            pipe.send(_process_alone(*pipe.recv()))
 
 
 def warm(methods: Sequence[str], parent: int | None = None) -> None:
@@ -219,31 +220,26 @@ def pooled(
     What is yielded together came together; jobs are taken one by one as processes become free, and all processes have
     their next ones already. `methods` and `timeout` as `Isolated` takes them.
     """
-    left = iter(jobs)
-    busy: dict[Future[Outcome], Isolated] = {}
     with contextlib.ExitStack() as ends:
-        idle = deque(ends.enter_context(Isolated(methods, timeout)) for _ in range(workers))
+        yield from _done([ends.enter_context(Isolated(methods, timeout)) for _ in range(workers)], jobs)
 
-        def feed() -> None:
-            while idle and (job := next(left, None)) is not None:
-                child = idle.popleft()
-                busy[child.begin(*job)] = child
 
-        feed()
-        while busy:
-            done = wait(busy, LOOK, FIRST_COMPLETED).done
-            outcomes = []
-            for future in [each for each, child in busy.items() if each in done or child.silent()]:
-                child = busy.pop(future)
-                found = child.outcome(future)
-                if isinstance(found, Outcome):
-                    outcomes.append(found)
-                    idle.append(child)
-                else:
-                    busy[found] = child
-            feed()
-            if outcomes:
-                yield outcomes
+def _done(children: Sequence[Isolated], jobs: Iterable[tuple[Path, Config]]) -> Generator[list[Outcome]]:
+    """Outcomes of jobs, each of which goes to the first process that is free."""
+    waiting, busy, outcomes = iter(jobs), list[Isolated](), dict[Isolated, Outcome]()
+    while True:
+        busy = [child for child in busy if child not in outcomes]
+        for child, job in zip([each for each in children if each not in busy], waiting, strict=False):
+            child.begin(*job)
+            busy.append(child)
+        if outcomes:
+            yield list(outcomes.values())
+        if not busy:
+            return
+        nearest = min(child.deadline for child in busy) - time.monotonic()
+        ready = wait([child.pipe for child in busy], min(nearest, LOOK))
+        looked = ((child, child.outcome(ready=child.pipe in ready)) for child in busy)
+        outcomes = {child: outcome for child, outcome in looked if outcome is not None}
 
 
 def serial(jobs: Iterable[tuple[Path, Config]]) -> Generator[list[Outcome]]:

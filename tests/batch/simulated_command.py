@@ -148,7 +148,7 @@ class Command:
 
         kinds = (Kind("record", (".record.nc",), self._read),)
         places = [
-            (executors, "ProcessPool", crew.pool), (executors, "wait", crew.wait), (executors, "time", clock),
+            (executors, "multiprocessing", crew), (executors, "wait", crew.wait), (executors, "time", clock),
             (executors, "gc", SimpleNamespace(collect=lambda: 0)),
             (job, "time", clock), (ledger, "datetime", SimpleNamespace(datetime=moment, UTC=datetime.UTC)),
             (writing, "secrets", names), (writing, "from_tree", contents_of), (writing, "encoded", encoded),

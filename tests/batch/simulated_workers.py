@@ -1,28 +1,17 @@
-"""Pebble's pool of one process, as the executors use it, with a process that does its record when chance says."""
+"""What the executors use of multiprocessing, with processes that do their records when chance says."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from types import SimpleNamespace
+import contextlib
+from collections.abc import Iterable
 from typing import Any
 
-from pebble import ProcessExpired
 from simulated_system import MET, Killed, Process, System
+
+from pipeline.batch import executors
 
 FATES = ("dies", "hangs", "vanishes", "silent")
 _MOST = 24  # calls of the system; a record makes about 20
-
-
-@dataclass(eq=False)
-class Task:
-    pool: Pool
-    fate: str
-    future: Future[Any]
-    work: Callable[[], Any]
-    timeout: float
 
 
 class Crew:
@@ -30,83 +19,121 @@ class Crew:
 
     def __init__(self, system: System, share: float) -> None:
         self.system, self.share = system, share
-        self.tasks: list[Task] = []
+        self.workers: list[Worker] = []
 
-    def pool(self, **_: object) -> Pool:
-        return Pool(self)
+    def get_context(self, how: str) -> Crew:
+        assert how == "spawn"
+        return self
 
-    def wait(self, futures: Iterable[Future[Any]], timeout: float, _when: str) -> Any:
-        """In place of `concurrent.futures.wait`: some of what is waited for gets done, or time passes."""
-        system, asked = self.system, set(futures)
-        ready = [task for task in self.tasks if task.future in asked and task.fate != "silent"]
-        if not ready:
-            MET["worker silent"] += 1
+    def Pipe(self) -> tuple[Worker, contextlib.AbstractContextManager[Worker]]:
+        worker = Worker(self)
+        return worker, contextlib.nullcontext(worker)
+
+    def Process(self, *, args: tuple[Any, ...], **_: object) -> Worker:
+        worker: Worker = args[0].enter_result
+        return worker
+
+    def fate(self) -> str:
+        chance = self.system.chance
+        return chance.choice(FATES) if chance.random() < self.share else "well"
+
+    def wait(self, workers: Iterable[Worker], timeout: float) -> list[Worker]:
+        """In place of `multiprocessing.connection.wait`: some of those waited for do something, or time passes."""
+        system, able = self.system, [worker for worker in workers if not worker.mute]
+        if not able:
             system.clock += 2000.0
         elif system.chance.random() < 0.1:
             system.clock += timeout
         else:
-            for task in system.chance.sample(ready, system.chance.randint(1, len(ready))):
-                self._finish(task)
-        return SimpleNamespace(done={each for each in asked if each.done()})
-
-    def _finish(self, task: Task) -> None:
-        self.tasks.remove(task)
-        MET[f"worker {task.fate}"] += 1
-        if task.fate == "well":
-            with self.system.running(Process()):
-                task.future.set_result(task.work())
-        elif task.fate == "vanishes":
-            task.pool.broken = True
-            task.future.set_exception(BrokenProcessPool("All workers expired"))
-        else:
-            self.partly(task)
-            if task.fate == "hangs":
-                self.system.clock += task.timeout
-                task.future.set_exception(TimeoutError())
-            else:
-                expired = ProcessExpired("Abnormal termination")
-                expired.exitcode = -9
-                task.future.set_exception(expired)
-
-    def partly(self, task: Task) -> None:
-        """The record as far as chance says, perhaps to its end, of which nobody hears; then the process is no more."""
-        process = Process(left=self.system.chance.randint(0, _MOST))
-        with self.system.running(process):
-            try:
-                task.work()
-            except Killed:
-                if not self.system.main.alive:
-                    raise
-        process.end()
+            chosen = system.chance.sample(able, system.chance.randint(1, len(able)))
+            return [worker for worker in chosen if worker.goes_on()]
+        return []
 
     def abandon(self) -> None:
         """What every process still did when the command died."""
-        tasks, self.tasks = self.tasks, []
-        for task in tasks:
-            if task.fate != "vanishes":
-                self.partly(task)
+        workers, self.workers = self.workers, []
+        for worker in workers:
+            worker.partly()
 
 
-class Pool:
-    """In place of `pebble.ProcessPool`."""
+class Worker:
+    """A process and both ends of its pipe."""
 
     def __init__(self, crew: Crew) -> None:
-        self.crew, self.broken = crew, False
+        self.crew = crew
+        self.pid: int | None = None
+        self.exitcode: int | None = None
+        self.fate, self.begun, self.mute = "", False, False
+        self.job: tuple[Any, ...] | None = None
+        self.message: Any = None
 
-    def schedule(self, function: Callable[..., Any], *, args: tuple[Any, ...], timeout: float) -> Future[Any]:
-        if self.broken:
-            raise RuntimeError("The pool is broken")
-        chance = self.crew.system.chance
-        fate = chance.choice(FATES) if chance.random() < self.crew.share else "well"
-        task = Task(self, fate, Future(), lambda: function(*args), timeout)
-        self.crew.tasks.append(task)
-        return task.future
+    def start(self) -> None:
+        self.fate = self.crew.fate()
+        if self.fate == "vanishes" and self.crew.system.chance.random() < 0.3:
+            MET["worker refused"] += 1
+            raise BlockingIOError("Resource temporarily unavailable")
+        self.pid = 1
+        self.mute = self.fate == "silent"
+        MET["worker silent"] += self.mute
+        self.crew.workers.append(self)
 
-    def stop(self) -> None:
+    def send(self, job: tuple[Any, ...]) -> None:
+        if self.exitcode is not None:
+            raise BrokenPipeError
+        if not self.fate:
+            self.fate = self.crew.fate().replace("silent", "hangs")
+        if self.fate == "vanishes":
+            self.exitcode = -9
+            if self.crew.system.chance.random() < 0.5:
+                raise BrokenPipeError
+        self.job = job
+
+    def goes_on(self) -> bool:
+        """Come to the next message, or to an end; whether the pipe has news of it."""
+        if self.pid is None or self.fate == "vanishes":
+            MET["worker vanishes"] += 1
+            self.exitcode, self.message = -9, ConnectionResetError() if self.job else EOFError()
+        elif not self.begun:
+            self.begun, self.message = True, None
+        else:
+            assert self.job is not None
+            MET[f"worker {self.fate}"] += 1
+            if self.fate == "well":
+                job, self.job, self.fate = self.job, None, ""
+                with self.crew.system.running(Process()):
+                    self.message = executors._process_alone(*job)
+            else:
+                self.partly()
+                self.mute = self.fate == "hangs"
+                self.message = EOFError()
+        return not self.mute
+
+    def recv(self) -> Any:
+        if isinstance(self.message, Exception):
+            raise self.message
+        return self.message
+
+    def partly(self) -> None:
+        """The record as far as chance says, perhaps to its end, of which nobody hears; then the process is no more."""
+        job, self.job = self.job, None
+        if job is None or self.exitcode is not None:
+            return
+        process = Process(left=self.crew.system.chance.randint(0, _MOST))
+        with self.crew.system.running(process):
+            try:
+                executors._process_alone(*job)
+            except Killed:
+                if not self.crew.system.main.alive:
+                    raise
+        process.end()
+
+    def kill(self) -> None:
         """End the process in the middle of what it does."""
-        for task in [each for each in self.crew.tasks if each.pool is self]:
-            self.crew.tasks.remove(task)
-            if self.crew.system.main.alive:
-                self.crew.partly(task)
+        self.crew.workers = [worker for worker in self.crew.workers if worker is not self]
+        if self.crew.system.main.alive:
+            self.partly()
+        self.exitcode = -9
 
-    def join(self) -> None: ...
+    def join(self, timeout: float) -> None: ...
+
+    def close(self) -> None: ...

@@ -16,7 +16,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from batch_parts import METHODS, config_of, write_record
+from batch_parts import METHODS, Processes, config_of, write_record
 
 import data_schemas
 from pipeline.batch import confinement
@@ -312,23 +312,13 @@ def test_the_reader_of_a_batch_is_confined_before_its_first_input(out, outside, 
     assert not Path(scratch).exists()
 
 
-class Pool:
-    """In place of pebble's: keeps what its process is begun with."""
-
-    def __init__(self, begun, **given):
-        begun.append(given["initargs"])
-        self.stop = self.join = lambda: None
-
-    def schedule(self, *_, **__):
-        return None
-
-
 def test_a_process_serves_another_batch_only_afresh(tmp_path, monkeypatch):
-    begun = []
-    monkeypatch.setattr(isolated, "ProcessPool", functools.partial(Pool, begun))
+    processes = Processes(*[lambda _: None] * 3)
+    monkeypatch.setattr(isolated, "multiprocessing", processes)
     with Isolated(METHODS, 60.0) as child:
         for name in ("one", "one", "other", "one"):
             child.begin(tmp_path, config_of(tmp_path / name, "a"))
+    begun = [process.given for process in processes.made]
     assert [folder.name for _, _, folder, _ in begun] == ["one", "other", "one"]
     assert len({scratch for *_, scratch in begun}) == 3
     assert not any(os.path.exists(scratch) for *_, scratch in begun)

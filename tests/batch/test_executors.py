@@ -7,16 +7,17 @@ import gc
 import os
 import shutil
 import signal
+import struct
+import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import Pipe
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from batch_parts import METHODS, POISON, alike, config_of, numbers_of, write_record
-from pebble import ProcessExpired
+from batch_parts import METHODS, POISON, Processes, alike, config_of, numbers_of, write_record
 
 from pipeline.batch import executors as isolated
 from pipeline.batch.executors import Isolated, pooled, serial
@@ -24,6 +25,7 @@ from pipeline.batch.job import Kind, Outcome, process_record
 
 FAULTS = {"crash": "Crashed", "leave": "Crashed", "hang": "TimedOut", "greedy": "MemoryError", "cut": "FileError"}
 DISTINCT = 5
+ROOT = Path(__file__).parents[2]
 
 
 def pool(timeout=20.0):
@@ -85,66 +87,99 @@ def test_a_worker_killed_from_outside_costs_its_record_and_no_other(small, out):
     """Killed while idle nothing is lost at all: the next record finds another process."""
     with Isolated(METHODS, 60.0) as child:
         assert child.run(small, config_of(out, "a")).status == "ok"
-        (pid,) = child._pool._pool_manager.worker_manager.workers
-        os.kill(pid, signal.SIGKILL)
+        killed = child._process.pid
+        os.kill(killed, signal.SIGKILL)
         assert child.run(small, config_of(out, "b")).status in ("ok", "failed")
         assert child.run(small, config_of(out, "c")).status == "ok"
-        held = child._pool._pool_manager.worker_manager.workers
-    for pid in held:
+        held = child._process.pid
+    for pid in (killed, held):
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
 
 
-def broken(*_):
-    future = Future()
-    future.set_exception(BrokenProcessPool("All workers expired"))
-    return future
+def test_a_record_that_asks_python_to_end_is_a_crash(small, tmp_path, out):
+    """It ended the whole batch."""
+    path = shutil.copy(small, tmp_path / "gone-0.record.nc")
+    ((one,), (other,)) = pooled(
+        [(path, config_of(out, "a")), (small, config_of(out, "b"))], workers=1, methods=METHODS, timeout=60.0
+    )
+    assert (one.error_class, other.status) == ("Crashed", "ok")
+    assert "its process ended with status 1" in one.error
 
 
-class Pools:
-    """In place of pebble's: does as it is told, and nothing."""
-
-    def __init__(self, *futures):
-        self.futures, self.stopped = list(futures), 0
-
-    def __call__(self, **_):
-        return self
-
-    def schedule(self, *_, **__):
-        return self.futures.pop(0)()
-
-    def stop(self):
-        self.stopped += 1
-
-    def join(self):
-        raise RuntimeError("it would not die")
+def silent(_pipe):
+    """Begins, and is never ready."""
 
 
-def done_well():
-    future = Future()
-    future.set_result(Outcome("a", "ok"))
-    return future
+def refused(pipe):
+    pipe.close()
+    raise BlockingIOError("Resource temporarily unavailable")
 
 
-def test_a_process_that_vanishes_is_replaced_and_the_record_begun_again(small, out, monkeypatch):
-    def refuse():
-        raise RuntimeError("Broken pool")
+def vanishes(pipe):
+    pipe.close()
 
-    fake = Pools(broken, refuse, done_well)
-    monkeypatch.setattr(isolated, "ProcessPool", fake)
-    with Isolated(METHODS, 1.0) as child:
+
+def idle(pipe):
+    """Is ready, and dies before it takes a record."""
+    pipe.send(None)
+    threading.Timer(0.1, pipe.close).start()
+
+
+def then(*acts):
+    """Is ready; once it has its record it does all that, the pipe in hand, or hangs."""
+
+    def play(pipe):
+        pipe.send(None)
+        threading.Thread(target=lambda: pipe.poll(60.0) and pipe.recv() and [act(pipe) for act in acts]).start()
+
+    return play
+
+
+def answers(pipe):
+    pipe.send(Outcome("a", "ok"))
+
+
+def torn(pipe):
+    """A message of a thousand bytes that ends after ten."""
+    os.write(pipe.fileno(), struct.pack("!i", 1000) + bytes(10))
+
+
+def nonsense(pipe):
+    pipe.send_bytes(b"nonsense")
+
+
+well, crashes, hangs = then(answers), then(vanishes), then()
+needs_reset = pytest.mark.skipif(sys.platform != "linux", reason="Linux says that a record was not taken")
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [(vanishes, refused, well), pytest.param((idle, refused, well), marks=needs_reset), (silent, vanishes, well)],
+)
+def test_a_process_that_vanishes_is_replaced_and_the_record_begun_again(small, out, monkeypatch, parts):
+    processes = Processes(*parts)
+    monkeypatch.setattr(isolated, "multiprocessing", processes)
+    monkeypatch.setattr(isolated, "_START", 0.3)
+    with Isolated(METHODS, 60.0) as child:
         assert child.run(small, config_of(out, "a")).status == "ok"
-    assert fake.stopped == 3
+    assert [process.killed for process in processes.made] == [part is not refused for part in parts]
+    assert not any(os.path.exists(scratch) for *_, scratch in (process.given for process in processes.made))
 
 
-@pytest.mark.parametrize(("future", "told"), [(broken, "vanished before it began"), (Future, "fell silent")])
-def test_a_record_whose_processes_all_vanish_is_given_up(small, out, monkeypatch, future, told):
-    monkeypatch.setattr(isolated, "ProcessPool", Pools(*[future] * isolated.ATTEMPTS))
-    monkeypatch.setattr(isolated, "_START", 0.0)
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [(vanishes, "vanished before it began"), (refused, "vanished before it began"), (silent, "fell silent")],
+)
+def test_a_record_whose_processes_all_vanish_is_given_up(small, out, monkeypatch, part, told):
+    processes = Processes(*[part] * isolated.ATTEMPTS)
+    monkeypatch.setattr(isolated, "multiprocessing", processes)
+    monkeypatch.setattr(isolated, "_START", 0.02)
     monkeypatch.setattr(isolated, "LOOK", 0.01)
     ((outcome,),) = pooled([(small, config_of(out, "a"))], workers=1, methods=METHODS, timeout=0.02)
     assert outcome.error_class == "WorkerLost"
     assert f"3 processes in turn {told}" in outcome.error
+    assert len(processes.made) == isolated.ATTEMPTS
 
 
 def test_who_stops_listening_ends_the_processes(small, out):
@@ -182,23 +217,82 @@ def test_what_a_record_leaves_in_memory_is_given_back(small, out):
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("part", "told"),
     [
-        (TimeoutError(), "took longer than 1 s and was ended; allow more with --timeout"),
-        (ProcessExpired("", -9), "look at this file, or allow more with --memory"),
+        (hangs, "took longer than 0.2 s and was ended; allow more with --timeout"),
+        (crashes, "its process was killed by SIGKILL; look at this file, or allow more with --memory"),
+        (then(torn, vanishes), "its process was killed by SIGKILL; look at this file"),
+        (then(nonsense), "its process was killed by SIGKILL; look at this file"),
     ],
+    ids=["hangs", "crashes", "in the middle of a message", "nonsense"],
 )
-def test_a_record_that_ends_its_process_is_told(small, out, monkeypatch, error, told):
-    def ended():
-        future = Future()
-        future.set_exception(error)
-        return future
-
-    monkeypatch.setattr(isolated, "ProcessPool", Pools(ended))
-    with Isolated(METHODS, 1.0) as child:
+def test_a_record_that_ends_its_process_is_told(small, out, monkeypatch, part, told):
+    """And costs itself alone: the next one finds another process."""
+    processes = Processes(part, well, code=-signal.SIGKILL)
+    monkeypatch.setattr(isolated, "multiprocessing", processes)
+    with Isolated(METHODS, 0.2) as child:
         outcome = child.run(small, config_of(out, "a"))
-    assert outcome.status != "ok"
+        assert processes.made[0].killed
+        monkeypatch.setattr(child, "form", (METHODS, 60.0))
+        assert child.run(small, config_of(out, "a")).status == "ok"
+    assert outcome.error_class == ("TimedOut" if part is hangs else "Crashed")
+    assert outcome.seconds == (0.2 if part is hangs else 0.0)
     assert told in outcome.error
+
+
+def test_a_record_has_its_time_from_when_the_process_is_ready(small, out, monkeypatch):
+    def slow(pipe):
+        threading.Timer(0.5, well, [pipe]).start()
+
+    monkeypatch.setattr(isolated, "multiprocessing", Processes(slow))
+    with Isolated(METHODS, 0.3) as child:
+        assert child.run(small, config_of(out, "a")).status == "ok"
+
+
+def test_a_process_leaves_interrupts_to_its_parent(small, out):
+    with Isolated(METHODS, 60.0) as child:
+        assert child.run(small, config_of(out, "a")).status == "ok"
+        pid = child._process.pid
+        os.kill(pid, signal.SIGINT)
+        assert child.run(small, config_of(out, "b")).status == "ok"
+        assert child._process.pid == pid
+
+
+def test_a_process_ends_when_nobody_listens(monkeypatch, tmp_path):
+    monkeypatch.setattr(isolated, "warm", lambda *_: None)
+    monkeypatch.setattr(isolated, "confine", lambda _: None)
+    monkeypatch.setattr(isolated, "signal", SimpleNamespace(**{**vars(signal), "signal": lambda *_: None}))
+    monkeypatch.setattr(isolated.tempfile, "tempdir", None)
+    ours, theirs = Pipe()
+    theirs_too = os.dup(theirs.fileno())
+    ours.close()
+    isolated._work(theirs, METHODS, os.getpid(), tmp_path, str(tmp_path))
+    os.close(theirs_too)
+
+
+PARENT = """
+import sys, pathlib, batch_parts, test_executors
+if __name__ == "__main__":
+    small, out = map(pathlib.Path, sys.argv[1:])
+    with test_executors.Isolated(batch_parts.METHODS, 2000.0) as child:
+        child.run(small, batch_parts.config_of(out, "a"))
+        print("ready", flush=True)
+        child.run(small, batch_parts.config_of(out, "b", kind=test_executors.SLEEPER))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_parent_that_ends_takes_its_processes_along(small, out, number):
+    """Its output has an end when the last process that holds it has ended."""
+    env = os.environ | {"PYTHONPATH": f"{ROOT}:{Path(__file__).parent}"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", PARENT, small, out], env=env, **pipes) as parent:
+        assert parent.stdout.readline() == "ready\n", parent.stderr.read()
+        begun = time.monotonic()
+        parent.send_signal(number)
+        assert parent.stdout.read() == ""
+        assert time.monotonic() - begun < 500.0
 
 
 @pytest.mark.compiled
@@ -241,28 +335,20 @@ def test_a_c_library_is_asked_to_keep_memory_where_it_can(monkeypatch):
 
 
 def test_a_record_that_takes_longer_than_a_look_is_waited_for(small, out, monkeypatch):
-    config, future = config_of(out, "a"), Future()
-    done = Outcome(config.key, "ok", None, None, None)
-    threading.Timer(0.1, future.set_result, [done]).start()
     monkeypatch.setattr(isolated, "LOOK", 0.01)
-    monkeypatch.setattr(isolated, "ProcessPool", Pools(lambda: future))
-    with Isolated(METHODS, 1.0) as child:
-        assert child.run(small, config) == done
+    monkeypatch.setattr(isolated, "multiprocessing", Processes(then(lambda _: time.sleep(0.1), answers)))
+    with Isolated(METHODS, 60.0) as child:
+        assert child.run(small, config_of(out, "a")) == Outcome("a", "ok")
 
 
-def test_a_process_that_does_not_end_is_left_to_die_with_its_parent(monkeypatch):
-    ended = threading.Event()
-
-    class Stuck:  # as pebble where an interrupt left a future locked
-        def stop(self):
-            pass
-
-        def join(self):
-            ended.wait(60.0)
-
+def test_a_process_that_does_not_end_is_left_to_die_with_its_parent(small, out, monkeypatch):
+    processes, ended, waited = Processes(well), threading.Event(), []
     monkeypatch.setattr(isolated, "PATIENCE", 0.05)
-    own = Isolated(METHODS, 1.0)
-    monkeypatch.setattr(own, "_pool", Stuck())
+    monkeypatch.setattr(isolated, "multiprocessing", processes)
+    own = Isolated(METHODS, 60.0)
+    assert own.run(small, config_of(out, "a")).status == "ok"
+    (process,) = processes.made
+    monkeypatch.setattr(process, "join", lambda timeout: waited.append(ended.wait(timeout)))
     own.stop()
-    assert not ended.is_set()
-    ended.set()
+    assert waited == [False]
+    assert not os.path.exists(process.given[-1])

@@ -64,7 +64,8 @@ def settled(task: Task, size: int, nodes: slice) -> Floats:
     """Covariance of the states, (d, d), before the readings of one of some nodes, after more of them whose readings are
     alike than there are: by doubling (Anderson & Moore 1979, eq. 6.7.14)."""
     begin, end, _ = nodes.indices(task.readings.first.size - 1)
-    node = begin + int(np.argmax(np.diff(task.readings.first[begin : end + 1])))
+    there = np.append(0, np.cumsum(np.isfinite(task.readings.variance)))
+    node = begin + int(np.argmax(np.diff(there[task.readings.first[begin : end + 1]])))
     slots = slots_for(task.readings, node, node + 1, size)
     used, _ = updating.pick(task.readings, node, slots)
     for j in range(used):
@@ -266,7 +267,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
         if k + 1 == readings.first.size - 1:
             break
         # to the next node
-        settling = moving and alike and not flow.sine and used > 0 and (rested or change < SETTLED)
+        settling = moving and alike and not flow.sine and used > 0 and change < SETTLED
         if asked and not given:
             reach(flow.to_nodes, state_updated, steps.nodes)
             remain(task, joined, k, width, steps)
@@ -292,11 +293,13 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
         if keeping:
             keep_step(keep, k - begin, ahead, push, at)
         # what moves the pendulums settles over hours: the gain would be kept where it crawls
-        rested = settling and not rested and apart(covariance, two - 2) < apart(task.settled, two - 2)
-        for r in range(covariance.shape[0] if rested else 0):
-            for q in range(covariance.shape[1]):
-                covariance[r, q] = task.settled[r, q]
-        moving = moving and (rested or not settling)
+        if settling and not rested and apart(covariance, two - 2) < apart(task.settled, two - 2):
+            rested = True
+            for r in range(covariance.shape[0]):
+                for q in range(covariance.shape[1]):
+                    covariance[r, q] = task.settled[r, q]
+        else:
+            moving = moving and not settling
     multiply(buffer[:rows].T, buffer[:rows], room.square)
     add(1.0, room.square, of.normal)
     of.totals[0] += np.log(product)

@@ -188,7 +188,7 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
     width = path.shape[0] - 1
     push, impulses = steps.push, forced.size + (3 if flow.heaves else 1)
     asked = not plain or forced.size > 0 or flow.heave_noise > 0.0
-    moving, rested, before, product, at_break = True, False, -1, 1.0, 0
+    moving, rested, before, product, at_break = True, task.settled.shape[0] == 0, -1, 1.0, 0
     for k in range(begin, end):
         while at_break < breaks.shape[0] and breaks[at_break, 0] <= k:
             if breaks[at_break, 0] == k:

@@ -50,7 +50,7 @@ class Task(NamedTuple):
     breaks: np.ndarray  # (b, 2) nodes, in order, at which a pendulum is where nothing before tells, and that pendulum
     gate: float  # Readings whose error is larger than so many deviations are left out; 0: none
     plain: bool  # Whether all steps are alike: linear pendulums under constant gravity
-    settled: Floats  # (d, d) covariance that linear pendulums come to after a long time; empty of others
+    settled: Floats  # (d, d) covariance that linear pendulums come to after a long time; empty: it is not sought
 
 
 class Pass(NamedTuple):

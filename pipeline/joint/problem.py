@@ -244,6 +244,8 @@ class Problem:
     ) -> tuple[Solution, passes.Pass, Floats]:  # fmt: skip
         """The same of the whole record, with errors at the solution, and the smoothed path, (k, d), or `about`."""
         task, of = self._task(assumed, constants, about, gate)
+        if smooth:  # which knows of no jump of the covariance
+            task = task._replace(settled=NONE2)
         nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
         reading = 2 * size + width if smooth else width

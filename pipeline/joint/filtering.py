@@ -23,7 +23,7 @@ ANYWHERE = 0.1  # rad
 ROWS = 256  # prediction errors that are multiplied out at once
 CHUNK = 64  # nodes whose places on a given path are found at once
 UNEVEN = 8  # nodes after which the covariance is made symmetric again
-FORGOTTEN = 1e-140
+FORGOTTEN = 1e-140  # of a derivative; products of such are no normal numbers
 SETTLED = 2e-6  # relative change of a gain from node to node below which it is kept
 
 
@@ -103,7 +103,7 @@ def apart(covariance: Floats, last: int) -> float:
 
 @kernel
 def forget(columns: Floats) -> None:
-    """Nothing is left of what is so small that its square is no normal number, with which processors are slow."""
+    """Set to 0 what is so small that its products slow processors down."""
     for r in range(columns.shape[0]):
         for c in range(columns.shape[1]):
             if abs(columns[r, c]) < FORGOTTEN:

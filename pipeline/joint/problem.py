@@ -243,9 +243,7 @@ class Problem:
         root: Floats | None = None, smooth: bool = True,
     ) -> tuple[Solution, passes.Pass, Floats]:  # fmt: skip
         """The same of the whole record, with errors at the solution, and the smoothed path, (k, d), or `about`."""
-        task, of = self._task(assumed, constants, about, gate)
-        if smooth:  # which knows of no jump of the covariance
-            task = task._replace(settled=NONE2)
+        task, of = self._task(assumed, constants, about, gate, smooth=smooth)
         nodes, (size, width) = self.lattice.nodes, of.state.shape
         smoothing = 2 * self.pendulums * (size + width) if smooth else 0
         reading = 2 * size + width if smooth else width
@@ -280,8 +278,9 @@ class Problem:
         return solution, of, path if smooth else about
 
     def _task(
-        self, assumed: Assumed, constants: Constants, about: Floats, gate: float, nodes: slice = slice(None)
-    ) -> tuple[passes.Task, passes.Pass]:
+        self, assumed: Assumed, constants: Constants, about: Floats, gate: float, nodes: slice = slice(None),
+        *, smooth: bool = False,
+    ) -> tuple[passes.Task, passes.Pass]:  # fmt: skip
         """What a pass takes, and where it begins."""
         assumed = self.in_its_scale(assumed, constants)
         ship, flow, known = Ship.of(assumed.ship), self.flow(assumed, constants), self.known(constants, assumed.sine)
@@ -302,7 +301,7 @@ class Problem:
         )  # fmt: skip
         errors, whitened, scale = (np.full(count, np.nan, dtype=each) for each in ("f4", "f8", "f4"))
         sums = np.zeros((width, width)), np.zeros(3)
-        if not assumed.sine:
+        if not (assumed.sine or smooth):  # the smoother knows of no jump of the covariance
             task = task._replace(settled=filtering.settled(task, size, nodes))
         return task, passes.Pass(state, covariance, *sums, errors, whitened, scale)
 

@@ -23,7 +23,7 @@ SAME_LINE = 0.2  # in the logarithm of the frequency
 QUIET = 0.3  # of the power that white errors of unit variance have
 LEAST_BAND, BANDS = 8, 12  # bins of the lowest band; bands of a spectrum
 MOST_COMPONENTS = 6
-NEAR, NEAR_SIZES, TWICE_SIZES = np.array([1.0, 10.0]), (1e-6, 1e-5), (1e-5, 1e-4)
+NEAR, NEAR_SIZES, TWICE_SIZES = np.array([1.0, 10.0]), (1e-6, 1e-5), (1e-6, 1e-5, 1e-4)
 """Of motion at the swing's own frequency, and twice it: widths over what the record tells apart; over gravity."""
 ASKEW = 100.0  # in log-likelihood, of planes of swing that are not parallel, beside motion that is always there
 CHOP = Sea(5.0, 2.0, 5e-4, "vertical")  # waves of a second, of any kind

@@ -1,7 +1,6 @@
 """Files of anybody's making: ordinary ones of a bounded size alone, for a pipe, a device, /proc may never end."""
 
 import hashlib
-import json
 import os
 import re
 import stat
@@ -89,35 +88,13 @@ def load_toml(path: str | os.PathLike[str], what: str, error: type[IsochronyErro
 
 
 def toml_text(content: Mapping[str, Any]) -> str:
-    """A mapping of plain values, flat lists, tables and lists of tables as TOML; None is left out."""
-    lines, tables = [], []
-    for name, value in content.items():
-        if isinstance(value, Mapping):
-            tables += ["", f"[{_key(name)}]", *_pairs(value)]
-        elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
-            for each in value:
-                tables += ["", f"[[{_key(name)}]]", *_pairs(each)]
-        else:
-            lines += _pairs({name: value})
-    return "\n".join(lines + tables) + "\n"
+    """A mapping of plain values, lists and tables as TOML; None is left out."""
+    import tomli_w
+
+    return tomli_w.dumps(_without_none(content))
 
 
-def _pairs(table: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(name)} = {_value(value)}" for name, value in table.items() if value is not None]
-
-
-def _key(name: str) -> str:
-    bare = name.isascii() and name.replace("_", "").replace("-", "").isalpha()
-    return name if bare else _value(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):  # JSON's escapes are TOML's, but for the delete character
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
+def _without_none(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(_pairs(value)) + " }" if value else "{}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(each) for each in value) + "]"
-    return repr(value)
+        return {name: _without_none(each) for name, each in value.items() if each is not None}
+    return [_without_none(each) for each in value] if isinstance(value, list | tuple) else value

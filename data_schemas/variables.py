@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from . import variables_record, variables_truth
+from . import variables_truth
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +37,8 @@ class Variable:
     missing: bool = False  # whether NaN (a missing value) is allowed; infinite values never are
 
 
+FLAGS = "gap saturated interpolated time_mark ambiguous lost overlap single_direction outlier"  # of elongations
+ELONGATION_FLAGS = {flag: 1 << bit for bit, flag in enumerate(FLAGS.split())}
 _ROW = re.compile(r"(\w+)\((.*?)\) (.*?)(?: \[(.*?)\])?: (.*)")
 _RULES: dict[str, dict[str, Any]] = {
     "required": {"required": True},
@@ -44,11 +46,11 @@ _RULES: dict[str, dict[str, Any]] = {
     "positive": {"limit": "positive"},
     "nonnegative": {"limit": "not negative"},
 }
-_MASKS = np.array(list(variables_record.ELONGATION_FLAGS.values()), dtype=np.uint16)  # CF 3.5: of its type
+_MASKS = np.array(list(ELONGATION_FLAGS.values()), dtype=np.uint16)  # CF 3.5: of its type
 _TYPES: dict[str, tuple[str, str, dict[str, Any]]] = {
     "text": ("str", "1", {}),
     "u1": ("u1", "1", {}),
-    "flags": ("u2", "1", {"flag_masks": _MASKS, "flag_meanings": variables_record.FLAGS}),
+    "flags": ("u2", "1", {"flag_masks": _MASKS, "flag_meanings": FLAGS}),
     "epoch": ("f8", "seconds since 2000-01-01T00:00:00Z", {"calendar": "standard"}),
 }  # Words in place of a unit: number type, unit, further attributes
 

@@ -80,7 +80,7 @@ _KINDS: dict[Propagator, _Kind] = {
     ),
     "beam-collocation": _Kind("beam collocation", 1e-13, {LINEAR, SINE, VERTICAL, VAN_DER_POL, UNEVEN} | _YIELDING),
     "explicit": _Kind("explicit, order 8", 1e-13, _SMOOTH | _YIELDING | {FIXED, IMPULSE, KICKS, HANDLING}),
-    "radau": _Kind("Radau IIA, orders 5 to 13", 1e-12, _SMOOTH | _YIELDING | {FIXED}),
+    "radau": _Kind("Radau IIA, orders 9 and 13", 1e-12, _SMOOTH | _YIELDING | {FIXED}),
 }
 NAMES = {key: kind.name for key, kind in _KINDS.items()}
 """Propagators by their names in a scene, and as the truth calls them."""

@@ -7,7 +7,6 @@ never ends the worker: dask would lay its death to the charge of whatever else w
 import multiprocessing
 import queue
 import threading
-import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,11 +16,11 @@ from pipeline.batch.executors import Isolated
 from pipeline.batch.job import Config, Outcome, failure
 
 if TYPE_CHECKING:
-    from distributed import Future
+    from distributed import Client, Future
 
 _AHEAD = 2  # records to a thread that wait on the cluster, so that none waits for us
 _OWN = threading.local()
-LOOK, PATIENCE = 10.0, 300.0  # s without an outcome, after which workers are looked for; without any, to the end
+LOOK, PATIENCE = 10.0, 300.0  # s without an outcome, after which workers are looked for; s they are waited for
 
 
 def clustered(
@@ -50,9 +49,7 @@ def clustered(
             f"--scheduler {address}: no scheduler answers ({reason}); start one, or leave it out"
         ) from None
     with client:
-        waiting = Waiting(address, lambda: sum(client.nthreads().values()), told)
-        while not (threads := waiting.threads()):
-            time.sleep(LOOK / 10.0)
+        threads = _threads(client, address, told)
         left = iter(jobs)
         keys: dict[object, Config] = {}
         done: queue.SimpleQueue[Future] = queue.SimpleQueue()
@@ -68,7 +65,7 @@ def clustered(
             try:
                 batch = [done.get(timeout=LOOK)]
             except queue.Empty:
-                waiting.threads()
+                _threads(client, address, told)
                 continue
             batch += [done.get_nowait() for _ in range(done.qsize())]
             if any(future.cancelled() for future in batch):  # as dask does with all of them where the scheduler is gone
@@ -80,27 +77,19 @@ def clustered(
             yield outcomes
 
 
-class Waiting:
-    """Looks whether a cluster has workers by `count` of their threads; `told` once, `LOOK` s after the last is gone."""
-
-    def __init__(self, address: str, count: Callable[[], int], told: Callable[[str], object]) -> None:
-        self._of, self._start = f"--scheduler {address}: has no workers", f"start some with 'dask worker {address}'"
-        self._count, self._told, self._said = count, told, False
-        self._since: float | None = None
-
-    def threads(self) -> int:
-        """Threads of the workers; `UsageError` where there are none for `PATIENCE` seconds."""
-        found, now = self._count(), time.monotonic()
-        if found:
-            self._since, self._said = None, False
-            return found
-        self._since = now if self._since is None else self._since
-        if now - self._since > PATIENCE:
-            raise UsageError(f"{self._of} for {PATIENCE:.0f} s; {self._start}, and go on with --resume")
-        if now - self._since > LOOK and not self._said:
-            self._said = True
-            self._told(f"{self._of}; waiting {PATIENCE:.0f} s for them, {self._start}")
-        return 0
+def _threads(client: "Client", address: str, told: Callable[[str], object]) -> int:
+    """Threads of the workers, which are waited for where there are none; `UsageError` as `clustered`."""
+    try:
+        if not client.nthreads():
+            start = f"start some with 'dask worker {address}'"
+            told(f"--scheduler {address}: has no workers; waiting {PATIENCE:.0f} s for them, {start}")
+            client.wait_for_workers(1, timeout=PATIENCE)
+        return sum(client.nthreads().values())
+    except TimeoutError:
+        fault = f"has no workers for {PATIENCE:.0f} s; {start}"
+    except OSError:
+        fault = "the scheduler is gone; start one"
+    raise UsageError(f"--scheduler {address}: {fault}, and go on with --resume")
 
 
 def _process_isolated(path: Path, config: Config, methods: tuple[str, ...], timeout: float) -> Outcome:

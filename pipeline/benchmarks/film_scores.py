@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from xarray import DataTree
 
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.benchmarks.tables import Row, rms, timed
 from pipeline.film.digitise import open_film, read

@@ -14,8 +14,7 @@ from data_schemas.errors import RefusedError, UsageError
 from data_schemas.film_description import FilmDescription, description_path, film_stem, load_description
 from data_schemas.film_edits import FilmEdits, load_edits
 from data_schemas.layouts import root_attributes
-from data_schemas.variables import attributes, dataset
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS, attributes, dataset
 from pipeline.film.following import SWAYING, Progress, find_time
 from pipeline.film.knowledge import FilmOptions, Known
 from pipeline.film.normal_points import clock_uncertainty

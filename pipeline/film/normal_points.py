@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.film.parts import Floats, Samples, Strobe, TimeAxis, Tracks
 
 BLOCK_SWINGS = 2.0  # a block: long enough to tell a swing from a line, short beside any change of the swing

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from data_schemas.errors import UsageError
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.arrays import Floats, row_means_present
 from pipeline.film.reading import Reading, accepted_fraction, share_read
 from pipeline.film.scan.opening import OpenScan

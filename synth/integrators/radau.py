@@ -1,4 +1,4 @@
-"""Radau IIA of variable order (5, 9, 13) for stiff systems of a few unknowns, with an honest error.
+"""Radau IIA of order 9 or 13 for stiff systems of a few unknowns, with an honest error.
 
 Motions are integrated in pairs of runs of different tolerance, whose difference tells how good they are. State and time
 are sums of two doubles.
@@ -34,9 +34,9 @@ _BROAD = 1e-6  # tolerance for which the first step is what it is
 _PART = 0.6  # cost of a part step over that of a step
 _FLOOR = 1e-2  # of a component's largest size: errors are not asked to be smaller where it passes zero
 _SMALL = 1e-10  # of the largest component: smaller ones count as that large
-_SEVEN = 3e-8  # tolerance above which 7 stages do not pay
-_EASY, _WANTED = 0.05, 0.1  # contraction that allows a higher order; that steps should not exceed by their growth
-_STAY = 10  # steps between changes of order
+_FIVE, _SEVEN = (0,) * 5, (0,) * 7  # stages, as tuples so long
+_ENOUGH = 3e-8  # tolerance above which 7 stages do not pay
+_WANTED = 0.1  # contraction that steps should not exceed by their growth
 _SAFE, _GROWTH, _DROP = 0.9, 8.0, 0.125
 
 COMPANION = 10.0  # tolerance of the second run over that of the first
@@ -62,7 +62,7 @@ _REASONS = {
 
 
 def integrate(
-    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: tuple[int, int] | None = None
+    system: Any, start: ArrayLike, times: ArrayLike, *, tolerance: float = 1e-10, stages: int | None = None
 ) -> Trajectory:
     """States of a stiff system of up to about 12 unknowns at `times`; see `trajectory`.
 
@@ -70,8 +70,8 @@ def integrate(
     roundings as the root of the number of steps. Up to two tighter runs follow. Jumps of the derivative cost steps.
 
     The tolerance is from 1e-15 to 1e-2; that of a yielding support may be the share of the swing of the bobs
-    (`swing_of_bobs`). `stages` are the fewest and most (3, 5 or 7). Source: Hairer and Wanner (1999), J. Comput. Appl.
-    Math. 111, 93-111.
+    (`swing_of_bobs`). `stages` are 5 or 7, by default as the tolerance asks: changes of order on the way were found to
+    gain nothing. Source: Hairer and Wanner (1999), J. Comput. Appl. Math. 111, 93-111.
     """
     first, instants = checked(start, times, tolerance, (_TIGHTEST, _LOOSEST))
     problem = Problem(system, first, instants, swing_of_bobs(system, first), stages)
@@ -122,16 +122,16 @@ class Problem(NamedTuple):
     start: Floats
     times: Floats
     least: Floats
-    stages: tuple[int, int] | None
+    stages: int | None
 
     def pair(self, tolerance: float, reading: float, former: Run | None = None) -> Pair:
         """Run at a tolerance, `reading` that of readings, and compare with the former one if that is near enough."""
-        orders = self.stages or (3, 5 if tolerance > _SEVEN else 7)
-        fine = self.run(tolerance, reading, orders)
+        count = _FIVE if (self.stages or (5 if tolerance > _ENOUGH else 7)) == 5 else _SEVEN
+        fine = self.run(tolerance, reading, count)
         evaluations = int(fine.counts[EVALUATIONS])
         if former is None or former.tolerance > 1.01 * NEAR * tolerance:
             loose = min(_COARSEST, COMPANION * tolerance)
-            former = self.run(loose, COMPANION * reading, orders)
+            former = self.run(loose, COMPANION * reading, count)
             evaluations += int(former.counts[EVALUATIONS])
         difference = np.abs(fine.states - former.states).max(axis=0)
         rounding = _ROUNDED * math.sqrt(1.0 + fine.counts[STEPS])
@@ -140,12 +140,12 @@ class Problem(NamedTuple):
         missed = _MARGIN * relative_error(difference, np.maximum(fine.largest, self.least))
         return Pair(fine, error, missed, evaluations)
 
-    def run(self, tolerance: float, reading: float, orders: tuple[int, int]) -> Run:
+    def run(self, tolerance: float, reading: float, count: tuple[int, ...]) -> Run:
         """Integrate once; RefusedError where it comes to a stop."""
         arrays, states = stepping.space(self.start), np.empty((self.times.size, self.start.size))
         counts = np.zeros(3, dtype=np.int64)
         outcome, time = march(
-            self.system, arrays, self.times, self.least, (tolerance, reading), orders, (0,) * self.start.size,
+            self.system, arrays, self.times, self.least, (tolerance, reading), count, (0,) * self.start.size,
             states, counts,
         )  # fmt: skip
         if outcome != DONE:
@@ -178,21 +178,21 @@ def _allowances(tolerance: float, dense: float, s: int) -> tuple[float, float]:
 @kernel
 def march(
     system: Any, arrays: stepping.Space, times: Any, least: Any, tolerances: tuple[float, float],
-    orders: tuple[int, int], size: Any, out: Any, counts: Any,
+    count: Any, size: Any, out: Any, counts: Any,
 ) -> tuple[int, float]:  # fmt: skip
     """Integrate over increasing `times` (k,) and fill `out` (k, n); DONE or why not, and how far it came, s.
 
     State and largest sizes in `arrays` move on. `least` (n,) is what counts as small; `tolerances` those of ends of
-    steps, and of readings inside; `orders` fewest and most stages; `size` a tuple of length n; `counts` (3,) receives
-    steps, evaluations, rejected steps.
+    steps, and of readings inside; `count` and `size` tuples as long as there are stages and unknowns; `counts` (3,)
+    receives steps, evaluations, rejected steps.
     """
-    n, k, work = len(size), times.size, stepping.addresses(arrays)
+    n, s, k, work = len(size), len(count), times.size, stepping.addresses(arrays)
     state, slope, slopes = arrays.state, arrays.slope, arrays.slopes
     point, other, spare = arrays.point, arrays.other, arrays.spare
     largest, carry, scale, z, polynomial = work.largest, work.carry, work.scale, work.z, work.polynomial
     tolerance, reading = tolerances
     time, late = times[0], 0.0  # the time is their sum
-    s, old, since, old_step, old_log = orders[1], 0, 0, 0.0, 0.0
+    known, old_step, old_log = False, 1.0, 0.0  # whether there is a polynomial of the step before
     end = times[k - 1]
     span = end - time
     for c in range(n):  # a loop: Numba compiles seconds of messages for arrays that are assigned
@@ -225,17 +225,17 @@ def march(
             break
         allowed = min(loose, dense) if crowded else loose
         # the Jacobian is taken where the step is expected to end: a stiff one is needed right there
-        stepping.guess(s, old, 1.0, step / old_step if old > 0 else 0.0, size, work)
+        stepping.guess(known, 1.0, step / old_step, count, size, work)
         top = 0.0
         for c in range(n):
             point[c] = state[c] + z[(s - 1) * n + c]
             top = max(top, largest[c], least[c])
-        jacobian(time + step if old > 0 else time, point, system, slopes, other, spare)
+        jacobian(time + step if known else time, point, system, slopes, other, spare)
         counts[EVALUATIONS] += n + 1
         for c in range(n):
             floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
             scale[c] = 1.0 / max(abs(state[c]), abs(point[c]), floor)
-        solved, turns, contraction = stepping.collocate_any(s, time, step, goal, size, work, system)
+        solved, turns, contraction = stepping.collocate(time, step, goal, count, size, work, system)
         counts[EVALUATIONS] += s * turns
         error, log, factor = 0.0, 0.0, 1.0
         if solved == stepping.SOLVED:
@@ -244,7 +244,7 @@ def march(
                 floor = max(_FLOOR * max(largest[c], least[c]), _SMALL * top, 1e-300)
                 scale[c] = 1.0 / max(abs(state[c]), ended, floor)
             again = allowed if careful else 1e300
-            error = stepping.local_error(s, time, step, again, size, work, system)
+            error = stepping.local_error(time, step, again, count, size, work, system)
             counts[EVALUATIONS] += 1 if careful else 0
             log = math.log(max(error / allowed, 1e-10)) / (s + 1)
             factor = _SAFE * math.exp(-log)
@@ -255,12 +255,7 @@ def march(
             else:
                 failures += 1
                 factor = 0.25 if solved == stepping.NOT_FINITE else 0.5
-                if failures > 1 and s > orders[0]:
-                    s -= 2
-                    since = 0
-                    loose, longer = _allowances(tolerance, dense, s)
-                if failures > 2:
-                    old = 0
+                known &= failures <= 2
             step *= factor
             careful = True
             why = UNDEFINED if solved == stepping.NOT_FINITE else STUCK
@@ -273,25 +268,25 @@ def march(
             factor = min(factor, max(0.5, _WANTED / contraction))
         if careful and settled:
             factor = min(factor, 1.0)
-        stepping.differences(s, size, work)
+        stepping.differences(count, size, work)
         # readings inside the step
         cut = 0.0
         while done < k - 1 and (last or (times[done] - time) - late < step):
             part = (times[done] - time) - late
             if error > dense and part > 0.0:
-                turns = stepping.part_step(s, time, part, part / step, goal, size, work, system)
+                turns = stepping.part_step(time, part, part / step, goal, count, size, work, system)
                 counts[EVALUATIONS] += s * turns
                 if turns == 0:
                     cut = part
                     break
             else:
-                stepping.evaluate(part / step, s, size, polynomial, point, 0)
+                stepping.evaluate(part / step, count, size, polynomial, point, 0)
             for c in range(n):
                 out[done, c] = state[c] + (point[c] + carry[c])
                 largest[c] = max(largest[c], abs(out[done, c]))
             done += 1
         if cut > 0.0:
-            step, old, careful = cut, 0, True
+            step, known, careful = cut, False, True
             counts[REJECTED] += 1
             continue
         for c in range(n):
@@ -311,12 +306,7 @@ def march(
             done = k
         derivative(time, state, system, slope)
         counts[EVALUATIONS] += 1
-        old, old_step, old_log = s, step, max(log, math.log(1e-2) / (s + 1))
+        known, old_step, old_log = True, step, max(log, math.log(1e-2) / (s + 1))
         settled, careful, failures, why = True, False, 0, STUCK
-        since += 1
         step *= factor
-        if since >= _STAY and contraction < _EASY and s < orders[1]:
-            s += 2
-            since = 0
-            loose, longer = _allowances(tolerance, dense, s)
     return outcome, time

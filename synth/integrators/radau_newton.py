@@ -1,4 +1,4 @@
-"""What Newton's iteration of Radau IIA needs: coefficients of the methods of 3, 5 and 7 stages, and linear systems.
+"""What Newton's iteration of Radau IIA needs: coefficients of the methods of 5 and 7 stages, and linear systems.
 
 With A the matrix of the method, A^-1 has one real eigenvalue and pairs of complex ones: A^-1 = M diag(rates) M^-1.
 Columns of `modes` M are the eigenvectors, scaled to end in 1: the real one, then real part and minus imaginary part
@@ -79,7 +79,7 @@ def _tableau(stages: int) -> Tableau:
         return Tableau(nodes, rates, square[0], square[1], square[2], weights, 1.0 / distance)
 
 
-THREE, FIVE, SEVEN = (_tableau(stages) for stages in (3, 5, 7))  # Orders 5, 9 and 13
+FIVE, SEVEN = (_tableau(stages) for stages in (5, 7))  # Orders 9 and 13
 
 
 def address(array: Any) -> Any:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from synth.integrators.radau_newton import FIVE, SEVEN, THREE, address, factor, factor_pair, solve, solve_pair
+from synth.integrators.radau_newton import FIVE, SEVEN, address, factor, factor_pair, solve, solve_pair
 from synth.kernels.compiled import kernel, summing_kernel
 from synth.systems.dispatch import derivative
 
@@ -25,11 +25,11 @@ _ROUNDING, _NOISY = 1e-14, 0.3  # of the state: corrections below this that hard
 _SLOWEST = 0.9  # contraction from which an iteration is not worth its evaluations
 _CAREFUL = 0.1  # share of every time scale at the start that the first step may take
 
-_ONE, _S3, _S5, _S7 = (0,), (0,) * 3, (0,) * 5, (0,) * 7
+_ONE = (0,)
 
 
 def _stacked(tables: Sequence[Any]) -> Any:
-    """One table of the methods of 3, 5 and 7 stages, from one of each, with zeros behind."""
+    """One table of the methods of 5 and 7 stages, from one of each, with zeros behind."""
     largest = tables[-1].shape
     return np.stack(
         [np.pad(each, [(0, most - own) for most, own in zip(largest, each.shape, strict=True)]) for each in tables]
@@ -37,7 +37,7 @@ def _stacked(tables: Sequence[Any]) -> Any:
 
 
 _NODES, _RATES, _INVERSE, _MODES, _PROJECTION, _ERROR, _RECIPROCALS = (
-    _stacked(each) for each in zip(THREE, FIVE, SEVEN, strict=True)
+    _stacked(each) for each in zip(FIVE, SEVEN, strict=True)
 )
 
 
@@ -86,7 +86,7 @@ def addresses(arrays: Space) -> Space:
 @kernel
 def _prepare(step: float, count: Any, size: Any, work: Space) -> bool:
     """Factor all matrices for a step; False if one is singular or not finite."""
-    method, inverse = len(count) // 2 - 1, 1.0 / step
+    method, inverse = len(count) // 2 - 2, 1.0 / step
     good = factor(_RATES[method, 0].real * inverse, work.slopes, size, work.stack, work.exchanges)
     for k in range(1, (len(count) + 1) // 2):
         rate = _RATES[method, k] * inverse
@@ -99,7 +99,7 @@ def _product(tables: Any, i: int, rows: Any, c: int, count: Any, size: Any) -> f
     """Row i of the method's matrix times column c of `rows` (s, n)."""
     total = 0.0
     for j in range(len(count)):
-        total += tables[len(count) // 2 - 1, i, j] * rows[j * len(size) + c]
+        total += tables[len(count) // 2 - 2, i, j] * rows[j * len(size) + c]
     return total
 
 
@@ -152,7 +152,7 @@ def collocate(
         for i in range(s):
             for c in range(n):
                 point[c] = state[c] + z[i * n + c]
-            derivative(time + _NODES[s // 2 - 1, i] * step, point, system, slope)
+            derivative(time + _NODES[s // 2 - 2, i] * step, point, system, slope)
             for c in range(n):
                 f[i * n + c] = slope[c]
         _correct(step, count, size, work)
@@ -179,22 +179,10 @@ def collocate(
     return SOLVED if moved <= _ROUNDING else DIVERGED, most, contraction
 
 
-@kernel
-def collocate_any(
-    s: int, time: float, step: float, goal: float, size: Any, work: Space, system: Any
-) -> tuple[int, int, float]:
-    """`collocate` for a number of stages chosen while integrating: it becomes a constant of the compiler."""
-    if s == 3:
-        return collocate(time, step, goal, _S3, size, work, system)
-    if s == 5:
-        return collocate(time, step, goal, _S5, size, work, system)
-    return collocate(time, step, goal, _S7, size, work, system)
-
-
 @summing_kernel
-def differences(s: int, size: Any, work: Space) -> None:
+def differences(count: Any, size: Any, work: Space) -> None:
     """The polynomial of the increments; it is zero at 0, and its first coefficient is the increment of the step."""
-    n, out = len(size), work.polynomial
+    n, s, out = len(size), len(count), work.polynomial
     for c in range(n):
         for i in range(s):
             out[i * n + c] = work.z[(s - 1 - i) * n + c]
@@ -203,57 +191,59 @@ def differences(s: int, size: Any, work: Space) -> None:
         for i in range(s, level - 1, -1):
             for c in range(n):
                 rise = out[i * n + c] - out[(i - 1) * n + c]
-                out[i * n + c] = rise * _RECIPROCALS[s // 2 - 1, i, i - level]
+                out[i * n + c] = rise * _RECIPROCALS[s // 2 - 2, i, i - level]
 
 
 @summing_kernel
-def evaluate(at: float, s: int, size: Any, polynomial: Any, out: Any, row: int) -> None:
+def evaluate(at: float, count: Any, size: Any, polynomial: Any, out: Any, row: int) -> None:
     """Increments at the share `at` of the step, into a row of `out` (rows, n)."""
-    n = len(size)
+    n, s = len(size), len(count)
     for c in range(n):
         total = polynomial[s * n + c]
         for i in range(s - 1, -1, -1):
-            total = total * (at - _NODES[s // 2 - 1, s - 1 - i]) + polynomial[i * n + c]
+            total = total * (at - _NODES[s // 2 - 2, s - 1 - i]) + polynomial[i * n + c]
         out[row * n + c] = total
 
 
 @summing_kernel
-def guess(s: int, old: int, begin: float, ratio: float, size: Any, work: Space) -> None:
-    """First guess from the polynomial of a step of `old` stages (0: none), from its share `begin`, `ratio` as long."""
-    n, z, base = len(size), work.z, work.point
-    if old == 0:
+def guess(known: bool, begin: float, ratio: float, count: Any, size: Any, work: Space) -> None:
+    """First guess from the polynomial of a step, if it is known, from its share `begin`, for one `ratio` as long."""
+    n, s, z, base = len(size), len(count), work.z, work.point
+    if not known:
         for i in range(s * n):
             z[i] = 0.0
         return
-    evaluate(begin, old, size, work.polynomial, base, 0)
+    evaluate(begin, count, size, work.polynomial, base, 0)
     for i in range(s):
-        evaluate(begin + ratio * _NODES[s // 2 - 1, i], old, size, work.polynomial, z, i)
+        evaluate(begin + ratio * _NODES[s // 2 - 2, i], count, size, work.polynomial, z, i)
         for c in range(n):
             z[i * n + c] -= base[c]
 
 
 @kernel
-def part_step(s: int, time: float, part: float, share: float, goal: float, size: Any, work: Space, system: Any) -> int:
+def part_step(
+    time: float, part: float, share: float, goal: float, count: Any, size: Any, work: Space, system: Any
+) -> int:  # fmt: skip
     """Solve the first `share` of a step into `work.point`; corrections made, or 0 where it could not be solved."""
-    guess(s, s, 0.0, share, size, work)
-    outcome, turns, _ = collocate_any(s, time, part, goal, size, work, system)
+    guess(True, 0.0, share, count, size, work)
+    outcome, turns, _ = collocate(time, part, goal, count, size, work, system)
     for c in range(len(size)):
-        work.point[c] = work.z[(s - 1) * len(size) + c]
+        work.point[c] = work.z[(len(count) - 1) * len(size) + c]
     return turns if outcome == SOLVED else 0
 
 
 @kernel
-def local_error(s: int, time: float, step: float, again: float, size: Any, work: Space, system: Any) -> float:
+def local_error(time: float, step: float, again: float, count: Any, size: Any, work: Space, system: Any) -> float:
     """Difference from an embedded formula of order s, filtered by (gamma/h - J)^-1: Hairer and Wanner (1996), IV.8.
 
     Above `again` it is filtered once more, (8.20): the first filter, (8.19), overestimates what has not settled yet.
     """
-    n, z, f, g, point = len(size), work.z, work.f, work.g, work.point
-    gain = _RATES[s // 2 - 1, 0].real / step
+    n, s, z, f, g, point = len(size), len(count), work.z, work.f, work.g, work.point
+    gain = _RATES[s // 2 - 2, 0].real / step
     for c in range(n):
         total = 0.0
         for i in range(s):
-            total += _ERROR[s // 2 - 1, i] * z[i * n + c]
+            total += _ERROR[s // 2 - 2, i] * z[i * n + c]
         f[c] = gain * total
         g[c] = work.slope[c] + f[c]
     solve(size, work.stack, work.exchanges, g)

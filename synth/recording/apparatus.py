@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from data_schemas.scene import Scene
 from data_schemas.scene_recording import Accelerometer, TraceErrors
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from synth.disturbances import shifted
 from synth.motion.harmonic_sum import HarmonicSum
 from synth.phase import Floats, Integers

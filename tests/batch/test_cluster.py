@@ -143,27 +143,43 @@ def test_without_dask_the_remedy_is_told(small, out, monkeypatch):
         next(clustered([(small, config_of(out, "a"))], address="tcp://x:1", methods=METHODS, timeout=5.0))
 
 
-def test_a_cluster_that_loses_its_workers_is_told_of_and_left(monkeypatch):
+class Cluster:
+    """What is asked of dask's client: how many threads there are, now and after waiting for a worker."""
+
+    def __init__(self, now, fault=None):
+        self.now, self.fault = now, fault
+
+    def nthreads(self):
+        return dict(enumerate(self.now))
+
+    def wait_for_workers(self, count, timeout):
+        assert (count, timeout) == (1, 300.0)
+        if self.fault:
+            raise self.fault
+        self.now = [2]
+
+
+def test_a_cluster_that_loses_its_workers_is_told_of_and_waited_for():
     """It waited in silence."""
-    now, told, workers = [0.0], [], [2]
-    monkeypatch.setattr(cluster.time, "monotonic", lambda: now[0])
-    waiting = cluster.Waiting("tcp://a:1", lambda: workers[0], told.append)
-    assert waiting.threads() == 2
-    workers[0] = 0
-    for now[0] in (1.0, 5.0, 12.0, 30.0):
-        assert waiting.threads() == 0
+    told = []
+    assert cluster._threads(Cluster([2, 1]), "tcp://a:1", told.append) == 3
+    assert told == []
+    assert cluster._threads(Cluster([]), "tcp://a:1", told.append) == 2
     assert told == [
         "--scheduler tcp://a:1: has no workers; waiting 300 s for them, start some with 'dask worker tcp://a:1'"
     ]
-    workers[0] = 1
-    assert waiting.threads() == 1
-    workers[0] = 0
-    for now[0] in (40.0, 60.0, 340.0):
-        assert waiting.threads() == 0
-    assert len(told) == 2
-    now[0] = 340.1
-    with pytest.raises(UsageError, match=r"has no workers for 300 s; start some with .*, and go on with --resume"):
-        waiting.threads()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (TimeoutError(), "has no workers for 300 s; start some with 'dask worker tcp://a:1', and go on with --resume"),
+        (OSError(), "the scheduler is gone; start one, and go on with --resume"),
+    ],
+)
+def test_a_cluster_without_workers_is_left(fault, words):
+    with pytest.raises(UsageError, match=f"^--scheduler tcp://a:1: {words}$"):
+        cluster._threads(Cluster([], fault), "tcp://a:1", lambda _: None)
 
 
 @pytest.mark.compiled

@@ -12,7 +12,7 @@ from scipy import ndimage
 from scipy.special import ndtr
 
 from data_schemas.errors import RefusedError
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.arrays import Floats
 from pipeline.film.emulsion import FilmEmulsion, Optics
 from pipeline.film.marks.gap_kernels import ROW, ROW_SIGMA, WIDTH, Known, fit_gaps

@@ -28,7 +28,7 @@ from synth.systems.resistance import VanDerPol
 from tests.synth.integrators.conftest import Cliff, Linear
 from tests.synth.systems.system_examples import plain
 
-STAGES = pytest.mark.parametrize("stages", [3, 5, 7])
+STAGES = pytest.mark.parametrize("stages", [5, 7])
 
 
 def _step(system: Any, time: float, state: Floats, step: float, stages: int) -> tuple[int, Space]:
@@ -57,12 +57,12 @@ def _solved(rate: float, pair: complex, size: Any, arrays: Space) -> bool:
 
 
 @kernel
-def _read(at: float, stages: int, size: Any, arrays: Space) -> None:
+def _read(at: float, count: Any, size: Any, arrays: Space) -> None:
     """The polynomial at a place of the step, into `other`; then the guess of the same step anew, into `z`."""
     work = addresses(arrays)
-    differences(stages, size, work)
-    evaluate(at, stages, size, work.polynomial, work.other, 0)
-    guess(stages, stages, 0.0, 1.0, size, work)
+    differences(count, size, work)
+    evaluate(at, count, size, work.polynomial, work.other, 0)
+    guess(True, 0.0, 1.0, count, size, work)
 
 
 @pytest.mark.parametrize("n", [1, 3, 6])
@@ -89,7 +89,7 @@ def test_singular_and_infinite_matrices_are_told() -> None:
         assert not _solved(rate, pair, (0, 0), arrays)
 
 
-@pytest.mark.parametrize(("stages", "steps"), [(3, 24), (5, 12), (7, 6)])
+@pytest.mark.parametrize(("stages", "steps"), [(5, 12), (7, 6)])
 def test_order_is_twice_the_stages_less_one(stages: int, steps: int) -> None:
     """A pendulum of 1 rad over 1.5 s, against the finer grid of the method of 7 stages."""
     system = plain(6.2)
@@ -139,17 +139,17 @@ def test_the_polynomial_goes_through_its_nodes(stages: int) -> None:
     outcome, arrays = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.1, stages)
     assert outcome == SOLVED
     increments = arrays.z.copy()
-    _read(0.0, stages, (0, 0), arrays)
+    _read(0.0, (0,) * stages, (0, 0), arrays)
     assert np.max(np.abs(arrays.other)) < 1e-16
     np.testing.assert_allclose(arrays.z, increments, rtol=0.0, atol=1e-16)
     # in between it keeps the order s: 0.1^(s + 1) of a solution of size 1 with rates up to 3
     _, half = _step(VanDerPol(1.0), 0.0, np.array([2.0, 0.0]), 0.05, stages)
-    _read(0.5, stages, (0, 0), arrays)
+    _read(0.5, (0,) * stages, (0, 0), arrays)
     assert abs(arrays.other[0] - half.z[stages - 1, 0]) < 0.3 ** (stages + 1) / 10.0
 
 
 def test_a_step_too_long_for_newton_is_told() -> None:
     outcome, _ = _step(VanDerPol(1000.0), 0.0, np.array([1.001, -2.0]), 1.0, 7)
     assert outcome == DIVERGED
-    outcome, _ = _step(Cliff(0.5), 0.0, np.array([1.0]), 1.0, 3)
+    outcome, _ = _step(Cliff(0.5), 0.0, np.array([1.0]), 1.0, 5)
     assert outcome == NOT_FINITE

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from synth.integrators.radau_newton import FIVE, SEVEN, THREE, Tableau
+from synth.integrators.radau_newton import FIVE, SEVEN, Tableau
 
 ROUNDED = 1.2e-16  # half a unit of the last place, relative
 
@@ -37,7 +37,7 @@ def _definition(near: list[float]) -> tuple[mpmath.matrix, mpmath.matrix]:
     return mpmath.matrix(nodes), integrals * mpmath.inverse(powers)
 
 
-@pytest.mark.parametrize("tableau", [THREE, FIVE, SEVEN], ids=["3", "5", "7"])
+@pytest.mark.parametrize("tableau", [FIVE, SEVEN], ids=["5", "7"])
 def test_coefficients_are_those_of_the_definition(tableau: Tableau) -> None:
     stages = tableau.nodes.size
     with mpmath.workdps(50):
@@ -69,7 +69,7 @@ def test_coefficients_are_those_of_the_definition(tableau: Tableau) -> None:
                 assert abs(projection[i, j] - float(tableau.projection[i, j])) <= ROUNDED * abs(projection[i, j])
 
 
-@pytest.mark.parametrize("tableau", [THREE, FIVE, SEVEN], ids=["3", "5", "7"])
+@pytest.mark.parametrize("tableau", [FIVE, SEVEN], ids=["5", "7"])
 def test_embedded_formula_is_exact_for_polynomials_up_to_its_order(tableau: Tableau) -> None:
     """With slopes t^k, h f(start)/gamma + sum e_i z_i vanishes for k < s and not for k = s."""
     stages = tableau.nodes.size
@@ -81,6 +81,6 @@ def test_embedded_formula_is_exact_for_polynomials_up_to_its_order(tableau: Tabl
 
 
 def test_last_row_of_modes_is_the_plain_sum_of_real_parts() -> None:
-    for tableau in (THREE, FIVE, SEVEN):
+    for tableau in (FIVE, SEVEN):
         expected = [1.0] + [1.0, 0.0] * (tableau.rates.size - 1)
         assert np.array_equal(tableau.modes[-1], expected)

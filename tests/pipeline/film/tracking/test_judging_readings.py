@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.film.emulsion import Optics, ToneCurve
 from pipeline.film.tracking.outcome import flag_lost, judge, openness
 from pipeline.film.tracking.pieces import BOTH, FORWARD

@@ -12,7 +12,7 @@ from spot_film import Sheet, Swinging, developed, exposure_of
 from tiny_film import CURVE, EVERY, GRAIN, LENGTH, PERIOD, SPOT, VARIANCE, Tiny, tiny
 
 from data_schemas.errors import RefusedError
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.film.emulsion import Optics, ToneCurve, plain_emulsion, shown_darkness
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking import probing

@@ -7,7 +7,7 @@ import pytest
 from spot_film import PERIOD, Sheet, Swinging, developed, exposure_of, shutter
 
 from data_schemas.errors import RefusedError
-from data_schemas.variables_record import ELONGATION_FLAGS
+from data_schemas.variables import ELONGATION_FLAGS
 from pipeline.film.parts import Tracks
 from pipeline.film.tracking.probing import measure_emulsion
 from pipeline.film.tracking.track import follow_traces

@@ -15,7 +15,7 @@ import numpy as np
 from synth.integrators.collocation_remainders import Work, nodes_of
 from synth.kernels.collocation import NODES, advance, change, couple, last_terms
 from synth.kernels.compiled import kernel, making_kernel
-from synth.kernels.lanes import load, store, total, wide
+from synth.kernels.lanes import load, store, total
 from synth.phase import Floats, Integers
 from synth.systems.dispatch import remainder, taken_in
 from synth.systems.terms import motion
@@ -191,7 +191,7 @@ def guess(memory: Floats, slot: int, which: int, mirror: Floats, continuation: F
     """
     before = (slot - 1) % memory.shape[0]
     for c in range(mirror.size):
-        guessed = wide(0.0)
+        guessed = 0.0
         if which == ORDERS:
             for k in range(NODES):
                 guessed += load(continuation, (0, k * NODES)) * memory[before, 0, c, k]

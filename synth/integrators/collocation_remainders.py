@@ -13,7 +13,7 @@ import numpy as np
 
 from synth.kernels.collocation import turned
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import load, positive, store, wide
+from synth.kernels.lanes import load, positive, store
 from synth.phase import Floats
 from synth.systems.dispatch import or_none, registered, taken_in
 from synth.systems.reduced_beam import ReducedBeam
@@ -83,14 +83,14 @@ def _yielding(work: Work, sideways: Any, upwards: Any, system: Any, now: int) ->
     whole = system.own_mass
     for p in range(count):
         whole += system.mass[p]
-    force, light = wide(0.0), wide(0.0)
+    force, light = 0.0, 0.0
     across, along = at(sideways), at(upwards)
     for p in range(count):
         angle, swing = load(position, (p + 1, 0)), load(rate, (p + 1, 0))
         sine, cosine, short, _ = turned(angle)
         arm, slope = lever(sine, cosine, system)
         inverse = 1.0 / system.length[p]
-        torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, inverse, across, along)
+        torque = felt(driven(0.0, p, angle, swing, system.terms), sine, cosine, inverse, across, along)
         pull = gravity * inverse
         free = torque - pull * sine
         force += (system.mass[p] * system.length[p]) * (slope * (swing * swing) + arm * free)
@@ -112,7 +112,7 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
     position, rate, room = work.position, work.rate, work.room
     count, drive, coupling = system.detuning.size, system.drive, 2.0 * system.coupling
     drag = 2.0 * system.beam_damping
-    force, light = wide(0.0), wide(0.0)
+    force, light = 0.0, 0.0
     for p in range(count):
         y, swing = load(position, (p + 1, 0)), load(rate, (p + 1, 0))
         square = y * y
@@ -133,13 +133,13 @@ def _reduced(work: Work, sideways: Any, upwards: Any, system: ReducedBeam, now: 
 def _metronomes(work: Work, sideways: Any, upwards: Any, system: Metronomes, now: int) -> None:
     position, rate, room = work.position, work.rate, work.room
     count, coupling, gravity = system.natural_frequency.size, system.coupling, system.gravity
-    force, light = wide(0.0), wide(0.0)
+    force, light = 0.0, 0.0
     along = at(upwards)
     for p in range(count):
         angle, swing = load(position, (p, 0)), load(rate, (p, 0))
         sine, cosine, short, _ = turned(angle)
         square = system.natural_frequency[p] * system.natural_frequency[p]
-        torque = felt(driven(wide(0.0), p, angle, swing, system.terms), sine, cosine, square / gravity, None, along)
+        torque = felt(driven(0.0, p, angle, swing, system.terms), sine, cosine, square / gravity, None, along)
         force += cosine * (torque - square * sine) - sine * (swing * swing)
         light += coupling * (cosine * cosine)
         store(room, (0, p, 0), cosine)

@@ -25,7 +25,7 @@ from flint import acb, arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, store, total, wide
+from synth.kernels.lanes import LANES, load, store, total
 from synth.phase import Floats, Integers
 
 Longs = NDArray[Any]  # long doubles, which type checkers cannot tell from doubles
@@ -209,7 +209,7 @@ def couple(
 ) -> None:  # fmt: skip
     """Values at the nodes: `base` from `begin` on, and weights from `place` on times the remainder."""
     half = NODES // 2
-    first, second = load(base, (c, begin)), wide(0.0)  # two chains of additions, which run side by side
+    first, second = load(base, (c, begin)), 0.0  # two chains of additions, which run side by side
     for k in range(half):
         first += load(matrix, (c, place + k * NODES)) * known[now, c, k]
         second += load(matrix, (c, place + (k + half) * NODES)) * known[now, c, k + half]

@@ -2,8 +2,9 @@
 # (Numba's extension interface has no types, and an intrinsic is called without its first argument.)
 """Sixteen doubles at once, for kernels that must not depend on what the compiler finds out about their loops.
 
-`load(array, (row, start))` takes sixteen neighbours, `store` puts them back, arithmetic works on all. Products and sums
-may be fused, never reordered. Under `NUMBA_DISABLE_JIT=1` the same code runs on slices of NumPy arrays.
+`load(array, (row, start))` takes sixteen neighbours, `store` puts them back, arithmetic works on all, and a plain
+number stands for sixteen. Products and sums may be fused, never reordered. Under `NUMBA_DISABLE_JIT=1` the same code
+runs on slices of NumPy arrays.
 """
 
 import inspect
@@ -43,16 +44,13 @@ class _Model(models.PrimitiveModel):
         super().__init__(manager, kind, _VECTOR)
 
 
-def _splat(builder: Any, value: Any) -> Any:
-    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), zeros)
-
-
 @lower_cast(types.Float, LanesType)
 @lower_cast(types.Integer, LanesType)
 def _cast(context: Any, builder: Any, source: Any, target: Any, value: Any) -> Any:
-    return _splat(builder, context.cast(builder, value, source, types.float64))
+    value = context.cast(builder, value, source, types.float64)
+    first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
+    zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, ir.Constant(_VECTOR, ir.Undefined), zeros)
 
 
 def _operator(symbol: Any, arity: int, lower: Any) -> None:
@@ -128,12 +126,14 @@ def _sum(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _above_zero(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    above = builder.fcmp_ordered(">", args[0], ir.Constant(_VECTOR, [0.0] * LANES))
-    return builder.select(above, args[0], ir.Constant(_VECTOR, [float("nan")] * LANES))
+    value = context.cast(builder, args[0], sig.args[0], lanes_type)
+    above = builder.fcmp_ordered(">", value, ir.Constant(_VECTOR, [0.0] * LANES))
+    return builder.select(above, value, ir.Constant(_VECTOR, [float("nan")] * LANES))
 
 
 def _put(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    builder.store(args[2], _address(context, builder, sig, args), align=8)
+    value = context.cast(builder, args[2], sig.args[2], lanes_type)
+    builder.store(value, _address(context, builder, sig, args), align=8)
     return context.get_dummy_value()
 
 
@@ -153,12 +153,6 @@ def store(array: Any, indices: tuple[int, ...], value: Any) -> None:
 def total(value: Any) -> float:
     """Sum of them."""
     return float(np.sum(value))
-
-
-@_lowered(lanes_type, lambda context, builder, sig, args: _splat(builder, args[0]))
-def wide(value: float) -> Any:
-    """Sixteen times the same number."""
-    return np.full(LANES, value)
 
 
 @_lowered(lanes_type, _above_zero)

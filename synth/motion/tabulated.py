@@ -10,12 +10,11 @@ Interpolation error against the motion that was read, 10 s swell once a second, 
 falling. It is an error of the table, not of the simulation: the truth holds the interpolated motion.
 """
 
+import contextlib
 import csv
 import io
 import math
-from array import array
 from fractions import Fraction
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -136,29 +135,22 @@ def read_table(term: Table) -> tuple[Floats, Floats]:
 
 
 def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
-    numbers = array("d")  # row by row: a list of a million rows would take half a gigabyte
-    with io.StringIO(text_of(path, f"mend {term.section}.file", SceneError), newline="") as file:
-        first_line = file.readline()
-        separator = ";" if ";" in first_line else ","
-        rows = (row for row in csv.reader(chain([first_line], file), delimiter=separator) if row)
-        first = next(rows, None)
-        if first is None:
-            raise SceneError(f"{path}: is empty; give a table with a time and a value column")
-        names = [cell.strip() for cell in first]
-        has_header = False
-        try:
-            for cell in names:
-                float(cell)
-        except ValueError:
-            has_header = True
-        places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
-        try:
-            for row in rows if has_header else chain([first], rows):
-                numbers.extend(float(row[place]) for place in places)
-        except (ValueError, IndexError):
-            what = f"column {term.time!r} or {term.value!r}"
-            raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None
-    seconds, values = np.array(numbers).reshape(-1, 2).T.copy()
+    text = text_of(path, f"mend {term.section}.file", SceneError).lstrip()
+    if not text:
+        raise SceneError(f"{path}: is empty; give a table with a time and a value column")
+    separator = ";" if ";" in text.partition("\n")[0] else ","
+    names, has_header = [cell.strip() for cell in next(csv.reader(io.StringIO(text), delimiter=separator))], True
+    with contextlib.suppress(ValueError):
+        has_header = not [float(cell) for cell in names]
+    places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
+    try:
+        seconds, values = np.loadtxt(
+            io.StringIO(text), delimiter=separator, skiprows=int(has_header), usecols=places, unpack=True, ndmin=2,
+            comments=None, quotechar='"',
+        )  # fmt: skip
+    except ValueError:
+        what = f"column {term.time!r} or {term.value!r}"
+        raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None
     return seconds, values
 
 

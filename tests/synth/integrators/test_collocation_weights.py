@@ -10,7 +10,7 @@ import pytest
 
 from synth.kernels.collocation import FINE, NODES, gauss_nodes, turned, weights
 from synth.kernels.compiled import kernel
-from synth.kernels.lanes import LANES, load, positive, store, total, wide
+from synth.kernels.lanes import LANES, load, positive, store, total
 from synth.phase import Floats
 
 NODE = (1.0 + gauss_nodes() / FINE) / 2.0
@@ -72,7 +72,7 @@ def _work(values: Floats, out: Floats) -> float:
     first, second = load(values, (0, 0)), load(values, (1, LANES))
     store(out, (0, 0), first + second * 2.0 - 3.0 / first)
     store(out, (0, LANES), abs(-first) * positive(second))
-    first += wide(1.0)
+    first += 1.0
     first -= second
     first *= 2.0
     store(out, (1, 0), first)

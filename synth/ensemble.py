@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _RATIO = re.compile(r"\d+(/\d+)?")  # what a scene writes for a rate, such as 25 or 25/3
+_PATIENCE = 10.0  # s that a process may take to clear away and end
 _Job = tuple[Scene, Path, Path]  # a member with its two files
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -307,8 +308,12 @@ def _spread(function: Callable[[Job], Result], jobs: Iterable[Job], workers: int
             "script, start it under: if __name__ == '__main__')"
         ) from None
     finally:
-        for process in [*(pool._processes or {}).values()]:  # those that still work on what nobody waits for
+        working = [*(pool._processes or {}).values()]
+        for process in working:  # on what nobody waits for any more
             process.terminate()
+        for process in working:  # told in the middle of taking a job, it may miss that, or leave it locked to others
+            process.join(_PATIENCE)
+            process.kill()
         pool.shutdown(cancel_futures=True)
 
 

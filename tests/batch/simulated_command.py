@@ -68,6 +68,8 @@ class Command:
         """Keys whose input, result or settings somebody changed since."""
         self.damaged: set[str] = set()
         """Keys whose result is not as the batch left it."""
+        self.newer: set[str] = set()
+        """Keys of which a forced batch may have left a newer result than its line says: --resume does them again."""
         self.words: tuple[str, ...] = ()
         self.worked = 0
 
@@ -143,6 +145,7 @@ class Command:
             for one in outcomes:
                 self.durable[one.key] = one
                 self.changed.discard(one.key)
+                self.newer.discard(one.key)
                 if one.status == "ok":
                     self.damaged.discard(one.key)
 
@@ -172,11 +175,13 @@ class Command:
 
     def _begun(self, key: str) -> None:
         """A record is worked on, which must not be in vain."""
+        if "--force" in self.words:
+            self.newer.add(key)
         known = self.durable.pop(key, None)
         if known is not None:
             failed = known.status == "failed" and ("--retry-failed" in self.words or known.input_sha256 is None)
             paths = {self.world.paths[self.world.keys.index(key)], f"{self.world.out}/{key}"}
-            anew = "--force" in self.words or key in self.changed
+            anew = "--force" in self.words or key in self.changed | self.newer
             hold(failed or anew or paths & self.system.failed, f"{key}: done again, was {known.status}")
 
     def look(self, status: int | None) -> None:
@@ -194,7 +199,7 @@ class Command:
             line = lines.get(key)
             same = line is not None and (line.status, line.output_sha256) == (one.status, one.output_sha256)
             hold(same, f"{key}: the ledger said {one.status}, now {line}")
-            if one.status == "ok" and key not in self.damaged:
+            if one.status == "ok" and key not in self.damaged | self.newer:
                 data = files.get(f"{out}/{key}")
                 hold(data is not None, f"{key}: the result is lost")
                 hold(hashlib.sha256(data or b"").hexdigest() == one.output_sha256, f"{key}: is not what was written")

@@ -36,6 +36,9 @@ class File:
     def change(self, offset: int, data: bytes | None) -> None:
         self.pending.append((offset, data))
         _apply(self.cached, offset, data)
+        end = len(self.cached) if data is None else offset + len(data)  # what is written anew is dirty anew
+        parts = [part for a, b in self.lost for part in ((a, min(b, offset)), (max(a, end), b))]
+        self.lost = [(a, b) for a, b in parts if a < b and (data is not None or b <= offset)]
 
     def sync(self) -> None:
         self.durable = bytes(self.cached)
@@ -45,7 +48,8 @@ class File:
 
     def fail_to_sync(self) -> None:
         """As Linux does: the pages that failed count as clean, and no later call brings them to the disk."""
-        self.lost += [(offset, offset + len(data)) for offset, data in self.pending if data is not None]
+        size = len(self.cached)
+        self.lost += [(at, min(at + len(data), size)) for at, data in self.pending if data is not None and at < size]
 
     def lose_power(self, chance: Random) -> None:
         kept = bytearray(self.durable)

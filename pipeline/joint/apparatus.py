@@ -80,7 +80,7 @@ def faults(problem: Problem, own: Constants, *, arcs_tell: bool) -> list[Constan
     found += [Constant(f"delay of trace {j + 1}", kinds.DELAY, late, j) for j in traces[1:]]
     found.append(Constant("cubic error of the angles", kinds.CUBIC, CUBIC))
     found.append(Constant(SWAY, kinds.SWAY, YIELDING))
-    if problem.others.size:
+    if problem.tells_apart:
         found.append(Constant("cross-talk of the pendulums", kinds.CROSS, GAIN))
     if np.any(problem.lattice.trace == problem.traces + 1):
         found.append(Constant("scale of the heave", kinds.READ_HEAVE_SCALE, HEAVE_SCALE, problem.traces + 1))

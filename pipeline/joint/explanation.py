@@ -118,8 +118,7 @@ def fitted(model: Model, about: Floats, *, smooth: bool = False, most: int = MOS
         if left < STRAIGHT:
             break
         doubt, about = astray(model, path, about), path
-    # whitened errors serve from here on, and long records have many
-    of = of._replace(errors=np.zeros(0, dtype=np.float32), whitened=of.whitened.astype(np.float32))
+    of = of._replace(whitened=of.whitened.astype(np.float32))  # from here on that is enough, and long records have many
     return Fitted(replace(model, constants=constants), solution, path, of, before, doubt, left)
 
 
@@ -172,8 +171,9 @@ def shifted(constants: Constants, path: Floats, begin: int) -> Constants:
     return tuple(replace(c, value=float(path[begin, c.index])) if c.kind == kinds.START else c for c in constants)
 
 
-def angles(fit: Fitted, times: Floats) -> Floats:
-    """Angles of pendulums, (n, p), at times since the first node, s: a cubic and a swing, exact for a swing."""
+def angles(fit: Fitted, times: Floats, weights: Floats) -> Floats:
+    """Angles of pendulums in combinations, weights (p,) or (p, m), at times since the first node, s, (n,) or (n, m): a
+    cubic and a swing, exact for a swing."""
     model, problem, two = fit.model, fit.model.problem, 2 * fit.model.problem.pendulums
     flow, ship = problem.flow(model.assumed, fit.solution.constants), Ship.of(model.assumed.ship)
     lattice, path = problem.lattice, fit.path.astype(np.float64)
@@ -197,11 +197,16 @@ def angles(fit: Fitted, times: Floats) -> Floats:
         [0.0, 1.0, 2.0, 3.0, -turn * sine, turn * cosine],
         [0.0, 0.0, 2.0, 6.0, -(turn**2) * cosine, -(turn**2) * sine],
     ]
-    shares = np.tensordot(np.linalg.inv(ends), np.concatenate([known[:, :-1], known[:, 1:]]), axes=1)
+    shares = np.tensordot(np.linalg.inv(ends), np.concatenate([known[:, :-1], known[:, 1:]]) @ weights, axes=1)
     k = np.clip((times / step).astype(np.int64), 0, lattice.nodes - 2)
-    t = times / step - k
-    powers = (np.ones(t.size), t, t**2, t**3, np.cos(turn * t), np.sin(turn * t))
-    return np.asarray(sum(power[:, None] * share[k] for power, share in zip(powers, shares, strict=True)))
+    t = (times / step - k).reshape(-1, *[1] * (weights.ndim - 1))
+    out = np.asarray(shares[3][k])
+    for share in shares[2::-1]:
+        out *= t
+        out += share[k]
+    out += np.cos(turn * t) * shares[4][k]
+    out += np.sin(turn * t) * shares[5][k]
+    return out
 
 
 def bend(model: Model, path: Floats, about: Floats) -> float:

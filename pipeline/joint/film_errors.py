@@ -48,7 +48,7 @@ def without_repeating(fit: Fitted, *, tells_law: bool = False) -> Fitted:
         size, turn = swing_of(fit, trace, own)
         if max(abs(fit.of.whitened[own] @ turn**k) ** 2 for k in harmonics) < PAYS * own.size:
             continue
-        rest = lattice.value[own] - angles(fit, lattice.time[own]) @ lattice.combination[trace]
+        rest = lattice.value[own] - angles(fit, lattice.time[own], lattice.combination[trace])
         rest -= rest.mean()
         amplitude = np.sqrt(2.0) * float(np.std(lattice.value[own]))
         for k in harmonics:

@@ -227,7 +227,8 @@ def sweep(task: Task, begin: int, end: int, of: Pass, keep: Kept, room: Room) ->
             updating.deviate(slots, used, gain)
         over = False
         for j in range(used):
-            of.errors[slots.reading[j]] = -seen[j, constants] / slots.deviation[j]
+            if of.errors.shape[0] > 0:
+                of.errors[slots.reading[j]] = -seen[j, constants] / slots.deviation[j]
             over = over or (task.gate > 0.0 and abs(seen[j, constants]) > task.gate * slots.deviation[j])
         if over:
             if not moving:  # a reading over the gate lets the gain move

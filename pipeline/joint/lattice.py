@@ -98,8 +98,8 @@ def lay(time: Floats, series: Floats, combination: Floats, frequency: float, *, 
     order = np.lexsort((trace, at))
     trace, at = trace[order], at[order]
     return Lattice(
-        start=start, step=step, nodes=int(node[-1]) + 1, node=node[at], trace=trace.astype(np.int8), offset=offset[at],
-        value=series[trace, at], combination=np.ascontiguousarray(combination, dtype=np.float64),
+        start=start, step=step, nodes=int(node[-1]) + 1, node=node[at].astype(np.int32), trace=trace.astype(np.int8),
+        offset=offset[at], value=series[trace, at], combination=np.ascontiguousarray(combination, dtype=np.float64),
     )  # fmt: skip
 
 

@@ -387,7 +387,7 @@ def line_left(fit: Fitted) -> float:
     if fit.model.assumed.sine:
         return most
     for trace in set(range(problem.traces)).difference(problem.differences):
-        frequency, power, _ = errors_by_frequency(fit, trace)
+        frequency, power = errors_by_frequency(fit, trace)
         power = np.where(np.abs(frequency / problem.swing - 1.0) < LINE, 1.0, power)
         bands = power[AROUND : power.size // AROUND * AROUND].reshape(-1, AROUND)  # what drifts is below the first
         sharp = bands.max(axis=1, initial=0.0) > LINED * np.median(bands, axis=1)
@@ -398,7 +398,7 @@ def line_left(fit: Fitted) -> float:
 def is_white(fit: Fitted, traces: list[int]) -> bool:
     """Whether the errors of some traces have no more power than white ones of their stated size, in any band."""
     for trace in traces:
-        frequency, power, _ = errors_by_frequency(fit, trace)
+        frequency, power = errors_by_frequency(fit, trace)
         edges = np.unique(np.geomspace(LEAST_BAND, max(frequency.size, LEAST_BAND + 1), BANDS + 1).astype(np.int64))
         for low, high in zip([0, *edges[1:-1]], edges[1:], strict=True):
             ratio = float(np.mean(power[low:high])) if power[low:high].size else 1.0
@@ -410,12 +410,13 @@ def is_white(fit: Fitted, traces: list[int]) -> bool:
 def _scaled_errors(fit: Fitted, trace: int) -> tuple[Floats, Floats, float]:
     """Power of a trace's whitened errors, of mean 1, by frequency, rad s-1; and the variance that a unit stands for."""
     swing = fit.model.problem.swing
-    frequency, power, used = errors_by_frequency(fit, trace)
+    frequency, power = errors_by_frequency(fit, trace)
     if not frequency.size or np.pi / frequency[-1] * swing > SPARSE:
         return np.zeros(0), np.zeros(0), 0.0
     # errors far below their own scale need no explanation
     power = power / max(float(np.median(power)) / np.log(2.0), QUIET)
     power[(frequency < CALM * swing) | (np.abs(frequency / swing - 1.0) < OWN)] = 1.0
+    used = fit.used(trace)
     return frequency, power, float(np.nanmedian(fit.of.scale[used])) ** 2 * 2.0 / used.size
 
 

@@ -60,7 +60,8 @@ class Pass(NamedTuple):
     covariance: Floats  # (d, d)
     normal: Floats  # (c + 1, c + 1) sum of products of whitened prediction errors and their derivatives
     totals: Floats  # (3,) sum of the logarithms of the deviations; readings used; readings over the gate
-    errors: Floats  # (r,) prediction errors in their own standard deviations; NaN where there is none
+    errors: Floats
+    """(r,) prediction errors in their own standard deviations; NaN where there is none; empty without a gate."""
     whitened: Floats
     scale: Floats  # (r,) the same, independent of each other, and their deviations; NaN where the reading was left out
 

@@ -26,7 +26,7 @@ LEVEL = 0.5  # of one pendulum's answer to the ship
 MOST_DAMPED = 0.3  # of its frequency
 LEAST = 0.1  # of reference gravity, and of a trace's scale
 FARTHEST = 100.0  # rad
-KEPT = 2**27  # bytes that are kept at once for the smoother; what does not fit is gone through twice
+KEPT = 2**26  # bytes that are kept at once for the smoother; what does not fit is gone through twice
 
 
 @dataclass(frozen=True)
@@ -107,16 +107,18 @@ class Problem:
         """Weights of the pendulums in each trace by cross-talk, which gives each of them all others, (t, p)."""
         return np.asarray(self.lattice.combination @ (1.0 - np.eye(self.pendulums)))
 
-    @cached_property
+    @property
+    def tells_apart(self) -> bool:
+        """Whether traces tell all pendulums, of which there are several."""
+        return bool(self.pendulums == self.traces == np.linalg.matrix_rank(self.lattice.combination) > 1)
+
     def others(self) -> Floats:
-        """What cross-talk adds to each reading, by what all traces say at its time, (r,) rad; 0 where one is missing,
-        empty where traces do not tell pendulums apart."""
+        """What cross-talk adds to each reading, by what all traces say at its time, (r,) rad; 0 where one is missing;
+        the traces must tell pendulums apart."""
         own, size = self.lattice, self.traces
-        if size < 2 or size != self.pendulums or np.linalg.matrix_rank(own.combination) < size:
-            return np.zeros(0)
         of_traces = own.trace < size
-        instants, at = np.unique(own.time[of_traces], return_inverse=True)
-        read = np.full((instants.size, size), np.nan)
+        at = np.cumsum(np.diff(own.time[of_traces], prepend=-np.inf) > 0.0) - 1
+        read = np.full((at[-1] + 1, size), np.nan)
         read[at, own.trace[of_traces]] = own.value[of_traces]
         seen = read @ np.linalg.inv(own.combination).T @ self.mixed.T
         out = np.zeros(own.value.size)
@@ -188,7 +190,7 @@ class Problem:
         some = slice(int(own.first[begin]), int(own.first[end]))
         trace, time, pace = own.trace[some], own.time[some], self.pace[some]
         delay = self._of_readings(constants, kinds.DELAY, kinds.READ_HEAVE_DELAY)
-        late = delay[trace] * (pace if pace.size else 1.0)
+        late = delay[trace] * (pace if pace.size else 1.0) if delay.any() else 0.0
         value = own.value[some] - unknown.total(constants, kinds.ZERO, self.traces + 2)[trace]
         for each in constants:
             if each.kind == kinds.STEP:
@@ -197,7 +199,7 @@ class Problem:
                 value -= np.where(trace == each.index, each.value * (time - each.centre) / each.width, 0.0)
             elif each.kind == kinds.CLOCK:
                 shape = np.cos(each.width * time) * (time >= each.centre)
-                late += np.where(trace < self.traces, each.value * shape, 0.0)
+                late = late + np.where(trace < self.traces, each.value * shape, 0.0)
         value /= 1.0 + gain[trace]
         cubic = self.cubic(constants)
         if cubic:
@@ -206,8 +208,9 @@ class Problem:
         if self.left_out.size:
             variance[self.left_out[some]] = np.inf
         combination = own.combination + unknown.total(constants, kinds.CROSS, 1) * self.mixed
-        first, offset = own.first - some.start, own.offset[some] - late
-        return passes.Readings(first, trace, offset, value, variance, combination, self.others[some], pace)
+        first, offset = own.first - some.start, own.offset[some] - late if np.any(late) else own.offset[some]
+        others = self.others()[some] if any(each.kind == kinds.CROSS for each in constants) else np.zeros(0)
+        return passes.Readings(first, trace, offset, value, variance, combination, others, pace)
 
     def known(self, constants: Constants, sine: bool) -> Floats:
         """Z that acts beside the states: recorded heave under its constants, gravity as it changes along the track."""
@@ -299,7 +302,8 @@ class Problem:
             about=about, breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2), gate=gate,
             plain=not (flow.sine or np.any(flow.quadratic) or np.any(flow.dry) or known.size), settled=NONE2,
         )  # fmt: skip
-        errors, whitened, scale = (np.full(count, np.nan, dtype=each) for each in ("f4", "f8", "f4"))
+        arrays = (count if gate else 0, "f4"), (count, "f8"), (count, "f4")
+        errors, whitened, scale = (np.full(rows, np.nan, dtype=each) for rows, each in arrays)
         sums = np.zeros((width, width)), np.zeros(3)
         if not (assumed.sine or smooth):  # the smoother knows of no jump of the covariance
             task = task._replace(settled=filtering.settled(task, size, nodes))
@@ -312,9 +316,11 @@ class Problem:
         gain, cubic = self.gain(constants), self.cubic(constants)
         if np.any(gain) or cubic:  # readings were divided by the trace's slope: their density is that of what was read
             some = slice(readings.first[span.start], readings.first[span.stop])
-            used = np.isfinite(readings.variance[some])
-            trace, value = readings.trace[some][used], readings.value[some][used]
-            of.totals[0] += np.sum(np.log1p(gain[trace]) + np.log1p(3.0 * cubic * value**2 * (trace < self.traces)))
+            trace, used = readings.trace[some], np.isfinite(readings.variance[some])
+            of.totals[0] += np.bincount(trace, used, gain.size) @ np.log1p(gain)
+            if cubic:
+                used &= trace < self.traces
+                of.totals[0] += np.sum(np.log1p(3.0 * cubic * readings.value[some][used] ** 2))
         return unknown.solve(constants, of.normal, float(of.totals[0]), float(of.totals[1]), root)
 
 

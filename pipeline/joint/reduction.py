@@ -76,21 +76,20 @@ class Joint:
     def pendulums(self, time: Floats) -> Floats:
         """Angles of the pair at instants of the record's own time, (2, n), rad; NaN outside the fit."""
         fit, lattice = self.outcome.fit, self.outcome.fit.model.problem.lattice
-        path = angles(fit, time - lattice.start)
+        path = angles(fit, time - lattice.start, np.eye(fit.model.problem.pendulums)[:, list(self.columns)])
         path[(time < lattice.start - lattice.step) | (time > lattice.start + lattice.duration + lattice.step)] = np.nan
-        return path[:, list(self.columns)].T
+        return path.T
 
     def residual(self, weights: Floats, time: Floats) -> Floats:
         """What the fit leaves of a combination of the traces, (t,) weights, at the record's own times, (n,); rad."""
         fit, problem = self.outcome.fit, self.outcome.fit.model.problem
         lattice, constants = problem.lattice, fit.solution.constants
         read, out = problem.readings(fit.model.assumed, constants), np.zeros(time.size)
-        at = np.rint(np.interp(lattice.start + lattice.time, time, np.arange(time.size))).astype(np.int64)
         for trace in np.flatnonzero(weights):
-            own, left = read.trace == trace, np.full(time.size, np.nan)
-            path = angles(fit, lattice.step * lattice.node[own] + read.offset[own])
-            scale = 1.0 + problem.gain(constants)[trace]
-            left[at[own]] = scale * (read.value[own] - path @ lattice.combination[trace])
+            own, left = lattice.of_trace[trace], np.full(time.size, np.nan)
+            path = angles(fit, lattice.step * lattice.node[own] + read.offset[own], lattice.combination[trace])
+            at = np.rint(np.interp(lattice.start + lattice.time[own], time, np.arange(time.size))).astype(np.int64)
+            left[at] = (1.0 + problem.gain(constants)[trace]) * (read.value[own] - path)
             out += weights[trace] * left
         return out
 
@@ -155,7 +154,7 @@ def _prepared(record: DataTree, fit: Fitted, names: tuple[str, str], columns: tu
     parts = int(np.ceil(lattice.step * problem.swing / MOST_TURN))
     step = lattice.step / parts
     time = step * np.arange(parts * (lattice.nodes - 1) + 1)
-    theta, other = angles(fit, time)[:, list(columns)].T
+    theta, other = angles(fit, time, np.eye(problem.pendulums)[:, list(columns)]).T
     constants = instrument(record, names)
     observation = Observation(
         first=names[0], second=names[1], start=lattice.start, time=time, step=step,

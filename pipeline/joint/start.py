@@ -167,7 +167,7 @@ def _followed(problem: Problem, assumed: Assumed, constants: Constants, end: int
     for _ in range(outliers.MOST_FITS):
         solution, of = problem.run(assumed, constants, span=(0, end), gate=gate)
         share = float(of.totals[2] / max(of.totals[1] + of.totals[2], 1.0))
-        gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else 0.0
+        gate = GATE * deviation(of.errors) if share < MOST_OUTLIERS else np.inf
         constants = solution.constants
         if share < MOST_OUTLIERS and np.all(np.abs(solution.step) < 0.1 * np.sqrt(np.diag(solution.covariance))):
             break

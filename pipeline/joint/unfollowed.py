@@ -163,7 +163,7 @@ def change_by_rounding(fit: Fitted, gravity: Floats) -> float:
     problem, lattice = fit.model.problem, fit.model.problem.lattice
     own = np.flatnonzero(lattice.trace < problem.traces)
     trace = lattice.trace[own]
-    exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own]))
+    exact = np.einsum("rp,rp->r", lattice.combination[trace], angles(fit, lattice.time[own], np.eye(problem.pendulums)))
     exact += total(fit.model.constants, kinds.ZERO, problem.traces + 2)[trace]
     step = problem.steps[trace]
     rounded, smooth = lattice.value.copy(), lattice.value.copy()

@@ -70,17 +70,21 @@ def shared(fit: Fitted) -> Floats:
     return rows
 
 
-@_kept
-def errors_by_frequency(
-    fit: Fitted, trace: int, taper: int = 1, *, joined: bool = False
-) -> tuple[Floats, Floats, np.ndarray]:
+def errors_by_frequency(fit: Fitted, trace: int, taper: int = 1, *, joined: bool = False) -> tuple[Floats, Floats]:
     """Power of a trace's whitened errors by frequency, rad s-1, 1 where they are of unit variance, under a power of a
-    sine as taper, as lines leak; and their samples. Empty where they are few. `joined`: of a row of `shared`."""
+    sine as taper, as lines leak. Empty where they are few. `joined`: of a row of `shared`."""
+    apart, power = _power_of_errors(fit, trace, taper, joined=joined)
+    return apart * np.arange(power.size), power.astype(np.float64)
+
+
+@_kept
+def _power_of_errors(fit: Fitted, trace: int, taper: int, *, joined: bool) -> tuple[float, Floats]:
+    """The same: between frequencies, rad s-1, and of single precision, as it is kept with the fit."""
     from scipy.fft import next_fast_len, rfft
 
     problem, lattice, used = fit.model.problem, fit.model.problem.lattice, fit.used(trace)
     if used.size < LEAST_READINGS:
-        return np.zeros(0), np.zeros(0), used
+        return 0.0, np.zeros(0)
     time, step = lattice.time[used], lattice.spacing[trace]
     series = np.zeros(next_fast_len(int(lattice.duration / step) + 2, real=True))
     row = shared(fit)[trace] if joined else np.eye(1, problem.traces + 2, trace)[0]
@@ -90,7 +94,7 @@ def errors_by_frequency(
         part = np.sin(np.pi * np.clip((lattice.time[own] - time[0]) / (time[-1] - time[0]), 0.0, 1.0)) ** taper
         series[at] += row[other] * part * clipped(fit.of.whitened[own])
     power = np.abs(rfft(series)) ** 2 / float(part @ part)
-    return 2.0 * np.pi * np.arange(power.size) / (series.size * step), power, used
+    return 2.0 * np.pi / (series.size * step), power.astype(np.float32)
 
 
 def clipped(errors: Floats) -> Floats:
@@ -146,7 +150,7 @@ def _band(
     """Of one trace, in a part of all frequencies; bins count from 0; of few readings there are none."""
     problem = fit.model.problem
     swing, taper = problem.swing, ROUGH if beside else 1
-    frequency, power, _ = errors_by_frequency(fit, trace, taper, joined=joined)
+    frequency, power = errors_by_frequency(fit, trace, taper, joined=joined)
     none: dict[str, Any] = dict.fromkeys(_FIELDS, np.zeros(0, dtype=np.int64))
     none |= {"kicked": np.zeros((0, problem.pendulums)), "noise": np.zeros((0, problem.traces + 2))}
     if frequency.size <= 4 * LEAST:

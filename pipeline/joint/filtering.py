@@ -64,8 +64,8 @@ def settled(task: Task, size: int, nodes: slice) -> Floats:
     """Covariance of the states, (d, d), before the readings of one of some nodes, after more of them whose readings are
     alike than there are: by doubling (Anderson & Moore 1979, eq. 6.7.14)."""
     begin, end, _ = nodes.indices(task.readings.first.size - 1)
-    there = np.append(0, np.cumsum(np.isfinite(task.readings.variance)))
-    node = begin + int(np.argmax(np.diff(there[task.readings.first[begin : end + 1]])))
+    first, there = task.readings.first[begin:end], np.isfinite(task.readings.variance)
+    node = begin + int(np.argmax(np.add.reduceat(there, np.minimum(first, there.size - 1), dtype=np.int64)))
     slots = slots_for(task.readings, node, node + 1, size)
     used, _ = updating.pick(task.readings, node, slots)
     for j in range(used):

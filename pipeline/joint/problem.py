@@ -252,12 +252,18 @@ class Problem:
         reading = 2 * size + width if smooth else width
         stretch = max(1, KEPT // (8 * (smoothing + reading * -(-self.lattice.node.size // nodes))))
         begins = list(range(0, nodes, stretch))
-        keep = _room(task, size, width, min(stretch, nodes), smooth=smooth)
+        again = not smooth and len(begins) > 1  # for the errors at the solution alone
+        keep = NOTHING_KEPT if again else _room(task, size, width, min(stretch, nodes), smooth=smooth)
         states = []
         for begin in begins:
             states.append((of.state.copy(), of.covariance.copy()))
             _go(task, begin, min(begin + stretch, nodes), of, keep if len(begins) == 1 else NOTHING_KEPT)
         solution = self._solution(task.readings, of, constants, root, slice(0, nodes))
+        if again:
+            del task  # the largest arrays of a long record
+            bare, there = self._task(assumed, solution.constants, about, gate, derived=False)
+            _go(bare, 0, nodes, there, NOTHING_KEPT)
+            return solution, of._replace(whitened=there.whitened), about
         change = np.append(solution.step, 1.0)
         pushed = change[np.append(task.columns.forced, -1)]
         adjoint, path = np.zeros(size), np.zeros((nodes if smooth else 0, size), dtype=np.float32)
@@ -267,9 +273,9 @@ class Problem:
             first, last = task.readings.first[[begin, end]]
             if len(begins) > 1:  # gone through again, and kept this time
                 sums = np.zeros_like(of.normal), np.zeros_like(of.totals)
-                again = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
+                over = of._replace(state=state.copy(), covariance=covariance.copy(), normal=sums[0], totals=sums[1])
                 keep.errors[:] = np.nan
-                _go(task, begin, end, again, keep)
+                _go(task, begin, end, over, keep)
             of.whitened[first:last] = keep.errors[: last - first] @ change
             if smooth:
                 smoother.smooth(
@@ -282,21 +288,24 @@ class Problem:
 
     def _task(
         self, assumed: Assumed, constants: Constants, about: Floats, gate: float, nodes: slice = slice(None),
-        *, smooth: bool = False,
+        *, smooth: bool = False, derived: bool = True,
     ) -> tuple[passes.Task, passes.Pass]:  # fmt: skip
-        """What a pass takes, and where it begins."""
+        """What a pass takes, and where it begins; `derived`: with derivatives by all constants, not only by knocks,
+        which act through them."""
         assumed = self.in_its_scale(assumed, constants)
         ship, flow, known = Ship.of(assumed.ship), self.flow(assumed, constants), self.known(constants, assumed.sine)
         two, felt = 2 * self.pendulums, slice(None if assumed.sine else 0)  # linear pendulums feel no heave
-        size, width, count = two + ship.drift.shape[0], len(constants) + 1, self.lattice.node.size
+        columns = unknown.columns(tuple(each for each in constants if derived or each.kind == kinds.KNOCK))
+        size, width, count = two + ship.drift.shape[0], columns.kind.size + 1, self.lattice.node.size
         state, covariance = np.zeros((size, width)), np.zeros((size, size))
         for c, each in enumerate(constants):
             if each.kind == kinds.START:
                 state[each.index, -1] = each.value
-                state[each.index, c] = 1.0
+                if derived:
+                    state[each.index, c] = 1.0
         covariance[two:, two:] = ship.stationary
         task = passes.Task(
-            flow=flow, readings=self.readings(assumed, constants, nodes), columns=unknown.columns(constants),
+            flow=flow, readings=self.readings(assumed, constants, nodes), columns=columns,
             known=known, recorded=self.recorded[0][felt],
             slope=self.recorded[1][felt] * (1.0 + float(unknown.total(constants, kinds.HEAVE_SCALE, 1)[0])),
             about=about, breaks=np.array(sorted(assumed.breaks), dtype=np.int64).reshape(-1, 2), gate=gate,

@@ -1,12 +1,12 @@
 """Suite `film`: films of every kind exposed, read, and compared with their truth, beside what others read lines with.
 
-One row a film and reader, errors normal to the line, px rms; then every promise. With a folder: a picture.
+One row a film and reader, errors normal to the line, px rms; then every promise.
 """
 
 import math
 import statistics
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ from pipeline.benchmarks.film_scores import Truth, own_reading, peers
 from pipeline.benchmarks.tables import Row, at_least, at_most, holds, not_measured, progress
 from pipeline.conditions import MGAL
 from pipeline.film.digitise import digitise
-from pipeline.plots.canvas import PALETTE, draws, panel, save, sheet
 from pipeline.processing import process
 
 GRAIN = 0.05
@@ -54,13 +53,8 @@ def run(*, quick: bool, folder: Path | None) -> Iterator[Row]:
         short = next(cases(_WARM_SECONDS, quick=True))  # no film is charged with what is compiled at first use
         synth.expose(short.scene, short.film, path)
         digitise(path)
-        read: list[Row] = []
         for case in progress(list(cases(_QUICK_SECONDS if quick else _SECONDS, quick=quick)), "film"):
-            rows = list(rows_of(case, path))
-            read += rows
-            yield from rows
-        if folder is not None and draws():
-            draw(read, folder / "film.png")
+            yield from rows_of(case, path)
         if quick:
             yield not_measured("films of half an hour: accuracy, gravity, speed", "", "the full run makes them")
             return
@@ -77,30 +71,6 @@ def rows_of(case: Case, path: Path) -> Iterator[Row]:
     yield named | {"reader": "isochrony"} | NOTHING | scores | {"refused": refusal}
     for name, scores in peers(path, truth):
         yield named | {"reader": name} | NOTHING | scores | {"refused": ""}
-
-
-def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw error and share of wrong rows of every reader along every axis; a film that was refused has no point."""
-    scores = (("normal_px", "error normal to the line, px rms"), ("wrong_unflagged", "share of rows wrong by 1 px"))
-    axes, readers = (list(dict.fromkeys(row[key] for row in rows)) for key in ("axis", "reader"))
-    subtitle = "the same films read by this project and its peers · no wrong row: on the lowest line"
-    figure = sheet("Readers of film", subtitle, 15.0, 6.6)
-    grid = figure.add_gridspec(len(scores), len(axes))
-    for number, (score, up) in enumerate(scores):
-        least = 10.0 ** math.floor(math.log10(min((row[score] for row in rows if row[score] > 0.0), default=1.0)))
-        shared: Any = None
-        for column, axis in enumerate(axes):
-            some = [row for row in rows if row["axis"] == axis]
-            title = "" if number else axis
-            shared = panel(figure, grid[number, column], title, up="" if column else up, yscale="log", sharey=shared)
-            for reader, color in zip(readers, PALETTE, strict=False):
-                shown = [row for row in some if row["reader"] == reader and row[score] >= 0.0]
-                values, heights = [row["value"] for row in shown], [max(row[score], least) for row in shown]
-                shared.plot(values, heights, "o-", color=color, markersize=4.5, label=reader, clip_on=False)
-            shared.set_xticks(sorted({row["value"] for row in some}))
-            shared.label_outer()
-    figure.legend(*shared.get_legend_handles_labels(), loc="outside lower center", ncols=len(readers), frameon=False)
-    save(figure, path)
 
 
 def scene(seconds: float) -> Scene:

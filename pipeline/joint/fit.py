@@ -106,7 +106,9 @@ def reduce(gathered: Gathered) -> Outcome:
     stated = gathered.constants["constants"]
     scale = doubt_by_scale(fit, stated.get("scale_uncertainty", 0.0))
     late = doubt_by_delay(fit, stated.get("delay_uncertainty", 0.0))
-    others = (of_planes(found[0], fit), waves, doubt_by_optics(fit), repeating, scale, late)
+    # what one pendulum feels alone near its own frequency acts as gravity does: half of what that made of it
+    planes = 0.5 * abs(fit.gravity[0] - found[0].gravity[0]) if _sways_apart(fit) else 0.0
+    others = (planes, waves, doubt_by_optics(fit), repeating, scale, late)
     doubts = (gathered.heave_doubt, fit.doubt, ROUNDED * rounding, doubt, tilt_doubt, *others)
     sigma = float(np.sqrt(sigma**2 + np.sum(np.square(doubts))))
     spread = choice.unexplained(fit)
@@ -128,7 +130,7 @@ def reduce(gathered: Gathered) -> Outcome:
             f"elongation: random kicks of {kicks:.1g} rad s-1/2 would replace a swing of {arc:.2g} rad within the "
             "record; something else acts on one pendulum alone: check instrument/plane_angle and record/combination"
         )
-    if sigma > OPEN and any(words.startswith("transverse") for words in fit.model.words):
+    if sigma > OPEN and _sways_apart(fit):
         raise RefusedError(
             f"elongation: something acts on one pendulum alone and leaves gravity open by {sigma:.1g} of it; check "
             "instrument/plane_angle, record/combination and the sign of record/vertical_acceleration"
@@ -182,12 +184,9 @@ def refuse_reversed_traces(gathered: Gathered, fit: explanation.Fitted, referenc
             )
 
 
-def of_planes(plain: explanation.Fitted, fit: explanation.Fitted) -> float:
-    """1 sigma of gravity over itself, where planes of swing were found not to be parallel: what one pendulum feels
-    alone near its own frequency acts as gravity does, so half of what the explanation made of gravity is in doubt."""
-    if not any(words.startswith("transverse") for words in fit.model.words):
-        return 0.0
-    return 0.5 * abs(fit.gravity[0] - plain.gravity[0])
+def _sways_apart(fit: explanation.Fitted) -> bool:
+    """Whether planes of swing were found not to be parallel."""
+    return any(words.startswith("transverse") for words in fit.model.words)
 
 
 def of_a_tilting_case(plain: explanation.Fitted, fit: explanation.Fitted, reference: float) -> tuple[float, float]:

@@ -173,8 +173,10 @@ def reshaped(fit: Fitted) -> Fitted:
         wanted, gain = max((shown.likeliest(replace(now, ship=each)) for each in starts), key=lambda pair: pair[1])
         if gain < ENOUGH:
             break
-        reshapings = (_between(now, wanted, share) for share in SHARES)
-        trials = (replace(fit.model, assumed=each) for each in reshapings)
+        low, ratio = parameters(now.ship), wanted.noise / now.noise  # some share of the way, in logarithms
+        vectors = ((share, low + share * (parameters(wanted.ship) - low)) for share in SHARES)
+        between = (replace(wanted, ship=assemble(now.ship, v), noise=now.noise * ratio**share) for share, v in vectors)
+        trials = (replace(fit.model, assumed=each) for each in between)
         fits = (attempted(each, path_on(fit, each.assumed.ship), most=1) for each in trials)
         found = next((each for each in fits if likelier(fit, each) is not fit), None)
         if found is None:
@@ -256,13 +258,6 @@ def _sways_differences(fit: Fitted) -> bool:
     shown, problem = Spectrum.of(fit), fit.model.problem
     near = np.isin(shown.trace, problem.differences) & (np.abs(shown.centre / shown.swing - 1.0) < LINE)
     return bool(np.any(shown.expected[near] > SWAYED * (shown.noise[near] @ fit.model.assumed.noise**2)))
-
-
-def _between(one: Assumed, other: Assumed, share: float) -> Assumed:
-    """Ship and noise some share of the way from one to another of the same kinds, in logarithms."""
-    low, high = parameters(one.ship), parameters(other.ship)
-    noise = one.noise * (other.noise / one.noise) ** share
-    return replace(other, ship=assemble(other.ship, low + share * (high - low)), noise=noise)
 
 
 def _heaving_as_it_sways(ship: tuple[Component, ...]) -> tuple[Component, ...]:

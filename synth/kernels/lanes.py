@@ -80,12 +80,9 @@ def _declared(module: Any, name: str, result: Any, arguments: list[Any]) -> Any:
     return module.globals.get(name) or ir.Function(module, ir.FunctionType(result, arguments), name)
 
 
-def _magnitude(builder: Any, value: Any) -> Any:
-    return builder.call(_declared(builder.module, f"llvm.fabs.v{LANES}f64", _VECTOR, [_VECTOR]), [value])
-
-
+_FABS = f"llvm.fabs.v{LANES}f64", _VECTOR, [_VECTOR]
 _operator(operator.neg, 1, lambda builder, value: builder.fneg(value))
-_operator(abs, 1, _magnitude)
+_operator(abs, 1, lambda builder, value: builder.call(_declared(builder.module, *_FABS), [value]))
 
 
 def _lowered(result: Any, code: Any) -> Any:

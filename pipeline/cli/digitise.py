@@ -91,8 +91,8 @@ def _stretch(options: argparse.Namespace) -> tuple[tuple[int, int | None] | None
 
 def _table(films: list[list[Path]], outputs: list[Path], options: argparse.Namespace) -> int:
     """Open a film at the table; its record is written when the person is done."""
-    if any(importlib.util.find_spec(name) is None for name in ("starlette", "uvicorn")):
-        raise UsageError("the table needs starlette and uvicorn; pip install 'isochrony[table]'")
+    if any(importlib.util.find_spec(name) is None for name in ("starlette", "uvicorn", "pebble")):
+        raise UsageError("the table needs starlette, uvicorn and pebble; pip install 'isochrony[table]'")
     from pipeline.film.table.server import serve
     from pipeline.film.table.session import Session
 

@@ -124,7 +124,7 @@ def test_a_stiff_support_is_estimated_by_its_own_size() -> None:
     beam = ElasticBeam(2.0, np.ones(2), np.array([1.0, 0.9]), 0.0, 0.0, 9.81)
     beam = beam._replace(stiffness=stiffness_of_ratio(1000.0, beam), damping_rate=1000.0 * math.sqrt(9.81))
     start, times, chosen = [0.0, 0.0, 1.0, 0.0, -0.5, 0.0], np.arange(201) / 20.0, [12, 56, 59, 120, 123, 140, 182]
-    size = Problem(beam, np.array(start), times, np.zeros(6), None).run(1e-8, 1e-8, (3, 7)).largest
+    size = Problem(beam, np.array(start), times, np.zeros(6), None).run(1e-8, 1e-8, (0,) * 7).largest
     ends = [integrate(beam, start, [0.0, times[k]], tolerance=1e-15).states[-1] for k in chosen]
     for tolerance in (1e-9, 1e-12, 1e-13, 1e-14, 1e-15):
         made = integrate(beam, start, times, tolerance=tolerance)

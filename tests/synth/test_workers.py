@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -83,3 +84,23 @@ def test_a_worker_that_is_ended_begins_no_other_job(tmp_path: Path) -> None:
         time.sleep(0.01)
     results.close()
     assert len(list(tmp_path.iterdir())) <= 3
+
+
+def deaf(path: Path) -> None:
+    if path.name == "0":
+        return
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    path.touch()
+    time.sleep(60.0)
+
+
+def test_a_worker_that_does_not_hear_its_end_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("synth.ensemble._PATIENCE", 0.3)
+    results = in_order(deaf, [tmp_path / str(job) for job in range(3)], 2)
+    next(results)
+    while not any(tmp_path.iterdir()):
+        time.sleep(0.01)
+    began = time.monotonic()
+    results.close()
+    assert multiprocessing.active_children() == []
+    assert time.monotonic() - began < 30.0  # the job would have slept for a minute

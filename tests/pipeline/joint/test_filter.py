@@ -158,6 +158,19 @@ def test_a_path_does_not_depend_on_how_much_is_kept_at_once(
     np.testing.assert_allclose(parts[1].whitened, whole[1].whitened, rtol=1e-7, atol=1e-9)
 
 
+def test_errors_at_the_solution_do_not_depend_on_how_much_is_kept_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What does not fit is gone through once more at the solution, without derivatives; kept, it is extrapolated."""
+    of, model = problem(lost=(3, 4, 5)), assumed()
+    knock = Constant("knock", kinds.KNOCK, 1e-3, index=1, mean=0.02, value=0.02, centre=0.5)
+    whole = of.fit(model, (*constants(), knock), smooth=False)
+    monkeypatch.setattr("pipeline.joint.problem.KEPT", 1000)
+    again = of.fit(model, (*constants(), knock), smooth=False)
+    before = of.run(model, (*constants(), knock))[1].whitened
+    assert np.nanmax(np.abs(before - whole[1].whitened)) > 1.0
+    assert again[0].step == pytest.approx(whole[0].step, rel=1e-6)
+    np.testing.assert_allclose(again[1].whitened, whole[1].whitened, atol=0.02)
+
+
 @pytest.mark.parametrize("breaks", [(), ((2, 0), (4, 1))])
 def test_a_smoothed_path_is_where_the_likelihood_of_one_more_reading_is_greatest(
     breaks: tuple[tuple[int, int], ...],

@@ -5,8 +5,10 @@ goes on, and changed code is computed anew. Times are of the processor, warm, of
 """
 
 import contextlib
+import csv
 import functools
 import hashlib
+import io
 import json
 import math
 import os
@@ -20,7 +22,6 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 from data_schemas.errors import FileError, UsageError
@@ -41,7 +42,12 @@ _NO_NUMBERS = (("pipeline", "cli"), ("pipeline", "plots"))  # which present what
 
 def write(path: Path, table: Sequence[Mapping[str, Any]]) -> None:
     """Write rows that share their keys as CSV; no rows give an empty file."""
-    write_text(pd.DataFrame(table).to_csv(index=False) if table else "", path, overwrite=True)
+    stream = io.StringIO(newline="")
+    if table:
+        writer = csv.DictWriter(stream, list(table[0]))
+        writer.writeheader()
+        writer.writerows(table)
+    write_text(stream.getvalue(), path, overwrite=True)
 
 
 def progress(items: Iterable[Item], what: str) -> Iterable[Item]:

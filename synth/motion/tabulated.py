@@ -14,6 +14,7 @@ import contextlib
 import csv
 import io
 import math
+import warnings
 from fractions import Fraction
 from pathlib import Path
 
@@ -144,10 +145,11 @@ def _csv(path: Path, term: Table) -> tuple[Floats, Floats]:
         has_header = not [float(cell) for cell in names]
     places = [_place(path, names if has_header else [], len(names), column) for column in (term.time, term.value)]
     try:
-        seconds, values = np.loadtxt(
-            io.StringIO(text), delimiter=separator, skiprows=int(has_header), usecols=places, unpack=True, ndmin=2,
-            comments=None, quotechar='"',
-        )  # fmt: skip
+        with warnings.catch_warnings(action="ignore"):  # no row at all
+            seconds, values = np.loadtxt(
+                io.StringIO(text), delimiter=separator, skiprows=int(has_header), usecols=places, unpack=True, ndmin=2,
+                comments=None, quotechar='"',
+            )  # fmt: skip
     except ValueError:
         what = f"column {term.time!r} or {term.value!r}"
         raise SceneError(f"{path}: a row lacks a number in {what}; mend it") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -184,7 +185,7 @@ class Suite:
 
 @pytest.fixture
 def suite(monkeypatch):
-    monkeypatch.setattr(benchmark.importlib, "import_module", lambda name: Suite)
+    monkeypatch.setattr(benchmark, "importlib", SimpleNamespace(import_module=lambda name: Suite))
 
 
 @pytest.mark.usefixtures("suite")

@@ -135,6 +135,7 @@ def test_spline_of_a_few_readings(tmp_path: Path, count: int) -> None:
         ("0,1\n1,2\n2,3\n50,4", {}, "set motion.interpolation = 'spline'"),
         ("0,1\n1,2\n1,3\n50,4", {}, "do not increase"),
         ("0,1\n1,nan\n50,4", {}, "missing or infinite"),
+        ("t,x\n", {}, "two readings at least"),
         ("0,1\n1,\n50,4", {}, "lacks a number"),
         ("0,1\n1\n50,4", {}, "lacks a number"),
         ("0,1", {}, "two readings at least"),

@@ -6,7 +6,6 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
 
 PER_DECLARED = 12  # Bytes allowed for each byte of values that an input declares
 _STATM = Path("/proc/self/statm")
@@ -22,21 +21,21 @@ def shielded() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    arrived: list[tuple[int, FrameType | None]] = []
+    arrived: list[int] = []  # without their frames: h5py's would keep what HDF5 then frees after Python has ended
     before = {number: signal.getsignal(number) for number in _WAIT}
     # None: set by other means than Python's, which cannot set it back; ignored ones stay ignored
     waiting = [number for number in _WAIT if before[number] not in (None, signal.SIG_IGN)]
     try:
         for number in waiting:
-            signal.signal(number, lambda *signalled: arrived.append(signalled))
+            signal.signal(number, lambda signalled, _frame: arrived.append(signalled))
         yield
     finally:
         for number in waiting:
             signal.signal(number, before[number])
-        for signalled, frame in arrived:
+        for signalled in arrived:
             handler = before[signal.Signals(signalled)]
             if callable(handler):
-                handler(signalled, frame)
+                handler(signalled, None)
             else:
                 signal.raise_signal(signalled)
 

@@ -151,12 +151,19 @@ def folder_for_output(folder: Path) -> Iterator[None]:
 def orderly() -> Iterator[None]:
     """Turn SIGTERM into an exception for as long as files are being written."""
 
-    def leave(_number: int, _frame: FrameType | None) -> None:
+    told = []
+
+    def leave(number: int, _frame: FrameType | None) -> None:
+        told.append(number)
         sys.exit(STATUS)
 
     before = signal.signal(signal.SIGTERM, leave)
     try:
         yield
+    except Exception:
+        if told:  # some libraries make an error of their own of it
+            sys.exit(STATUS)
+        raise
     finally:
         signal.signal(signal.SIGTERM, before)
 

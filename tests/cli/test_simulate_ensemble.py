@@ -11,6 +11,7 @@ import time
 import pytest
 
 import data_schemas
+from pipeline.cli.files import orderly
 
 SCENE = """
 record_id = "small"
@@ -128,3 +129,15 @@ def test_who_is_stopped_leaves_nothing_half_written(scene, tmp_path, number, wor
     assert (process.returncode, out) == (status, "")
     assert err == ("isochrony: interrupted\n" if number == signal.SIGINT else "")
     assert names(tmp_path) == ["small.toml"]
+
+
+def test_a_request_to_end_that_a_library_makes_an_error_of_is_one():
+    def library() -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except SystemExit as leaving:
+            raise ValueError("cannot be serialised") from leaving
+
+    with pytest.raises(SystemExit) as leaving, orderly():
+        library()
+    assert leaving.value.code == 143

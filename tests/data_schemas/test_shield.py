@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import weakref
 
 import pytest
 
@@ -48,6 +49,26 @@ def test_a_signal_is_not_lost_when_the_block_fails(heard):
     with pytest.raises(ValueError, match="at fault"):
         fail()
     assert heard == [signal.SIGINT]
+
+
+class Held:
+    """What a function was at when a signal came."""
+
+
+def test_a_signal_that_waits_keeps_nothing_of_what_it_interrupted():
+    gone = []
+
+    def interrupted() -> None:
+        held = Held()
+        weakref.finalize(held, gone.append, True)
+        signal.raise_signal(signal.SIGTERM)
+
+    signal.signal(signal.SIGTERM, lambda _number, frame: gone.append(frame))
+    with shielded():
+        interrupted()
+        assert gone == [True]
+    assert gone == [True, None]
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def test_blocks_nest(heard):

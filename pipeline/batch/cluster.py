@@ -79,9 +79,9 @@ def clustered(
 
 def _threads(client: "Client", address: str, told: Callable[[str], object]) -> int:
     """Threads of the workers, which are waited for where there are none; `UsageError` as `clustered`."""
+    start = f"start some with 'dask worker {address}'"
     try:
         if not client.nthreads():
-            start = f"start some with 'dask worker {address}'"
             told(f"--scheduler {address}: has no workers; waiting {PATIENCE:.0f} s for them, {start}")
             client.wait_for_workers(1, timeout=PATIENCE)
         return sum(client.nthreads().values())

@@ -150,6 +150,8 @@ class Cluster:
         self.now, self.fault = now, fault
 
     def nthreads(self):
+        if self.now is None:
+            raise self.fault
         return dict(enumerate(self.now))
 
     def wait_for_workers(self, count, timeout):
@@ -178,8 +180,9 @@ def test_a_cluster_that_loses_its_workers_is_told_of_and_waited_for():
     ],
 )
 def test_a_cluster_without_workers_is_left(fault, words):
-    with pytest.raises(UsageError, match=f"^--scheduler tcp://a:1: {words}$"):
-        cluster._threads(Cluster([], fault), "tcp://a:1", lambda _: None)
+    for now in ([], None):  # while it is waited for, or asked
+        with pytest.raises(UsageError, match=f"^--scheduler tcp://a:1: {words}$"):
+            cluster._threads(Cluster(now, fault), "tcp://a:1", lambda _: None)
 
 
 @pytest.mark.compiled
